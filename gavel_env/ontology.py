@@ -1,0 +1,152 @@
+"""Which category affords what, from BEHAVIOR's annotations.
+
+The table is data (`envs_data/ontology.json`, built from the PyPI package bddl); no list of categories stands in code.
+Every category says its synset and the source of its affordances.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from gavel_env.errors import DataError, UnknownCategory
+
+__all__ = ["Category", "Mount", "Ontology", "TemperatureSource", "default_ontology", "load_ontology"]
+
+FORMAT = "gavel-ontology/1"
+
+Mount = Literal["floor", "wall", "ceiling", "carpet", "structure"]
+
+
+class TemperatureSource(msgspec.Struct, frozen=True):
+    """When a heat or cold source acts on what it holds (bddl `heatSource` / `coldSource` parameters)."""
+
+    requires_toggled_on: bool = False
+    requires_closed: bool = False
+    requires_inside: bool = False
+
+
+class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One object category and its affordances.
+
+    Attributes:
+        name: category, as in `fridge`.
+        synset: WordNet-style synset of bddl, as in `electric_refrigerator.n.01`.
+        source: where the affordances come from, in words.
+        openable: has a door or lid (`Open`, `Close`).
+        toggleable: has a switch (`ToggleOn`, `ToggleOff`).
+        requires_closed: its door must be shut to switch it on.
+        surface: things can be placed on top.
+        interior: things can be placed inside.
+        heat: acts as a heat source, under these conditions.
+        cold: acts as a cold source, under these conditions.
+        washes: switching it on washes its contents.
+        dries: switching it on dries its contents.
+        cookable: becomes cooked in or on a heat source.
+        heatable: becomes hot in or on a heat source.
+        freezable: becomes frozen in a cold source that freezes.
+        graspable: one hand can lift it (rule: docs/data.md).
+        safety_critical: must not be left switched on (heat or water source, or confers a state).
+        mount: where its instances are fixed; only "floor" ones block the way.
+        size_m: median (width, depth, height) of its models, metres, or None.
+        mass_kg: annotated mass, or None.
+    """
+
+    name: str
+    synset: str
+    source: str
+    openable: bool = False
+    toggleable: bool = False
+    requires_closed: bool = False
+    surface: bool = False
+    interior: bool = False
+    heat: TemperatureSource | None = None
+    cold: TemperatureSource | None = None
+    washes: bool = False
+    dries: bool = False
+    cookable: bool = False
+    heatable: bool = False
+    freezable: bool = False
+    graspable: bool = False
+    safety_critical: bool = False
+    mount: Mount = "floor"
+    size_m: tuple[float, float, float] | None = None
+    mass_kg: float | None = None
+
+    @property
+    def has_door(self) -> bool:
+        """True for a container that can be shut."""
+        return self.openable and self.interior
+
+
+class _OntologyFile(msgspec.Struct, frozen=True):
+    format: str
+    provenance: str
+    categories: tuple[Category, ...]
+
+
+class Ontology(Mapping[str, Category]):
+    """Categories by name, in file (alphabetical) order."""
+
+    def __init__(self, categories: tuple[Category, ...], provenance: str = "") -> None:
+        self._categories = {c.name: c for c in categories}
+        self.provenance = provenance
+        self.index = {name: i for i, name in enumerate(self._categories)}
+
+    def __getitem__(self, name: str) -> Category:
+        """Return the category.
+
+        Raises:
+            UnknownCategory: with the nearest names.
+        """
+        try:
+            return self._categories[name]
+        except KeyError:
+            raise UnknownCategory(name, self._categories) from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._categories
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._categories)
+
+    def __len__(self) -> int:
+        return len(self._categories)
+
+
+_TRAILING_INDEX = re.compile(r"_\d+$")
+
+
+def category_of(instance: str) -> str:
+    """Return the category part of an instance id: `bottom_cabinet_3` -> `bottom_cabinet`."""
+    return _TRAILING_INDEX.sub("", instance)
+
+
+def load_ontology(path: Path | None = None) -> Ontology:
+    """Read and validate an ontology file (default: the shipped one).
+
+    Raises:
+        DataError: missing file, invalid content or another format version.
+    """
+    source = path or resources.files("envs_data") / "ontology.json"
+    try:
+        table = msgspec.json.decode(source.read_bytes(), type=_OntologyFile)
+    except OSError as error:
+        raise DataError(f"ontology file {source} cannot be read: {error.strerror}") from error
+    except msgspec.DecodeError as error:
+        raise DataError(f"ontology file {source} is malformed: {error}") from error
+    if table.format != FORMAT:
+        raise DataError(f"ontology file {source} has format {table.format!r}; this version reads {FORMAT!r}")
+    return Ontology(table.categories, table.provenance)
+
+
+@cache
+def default_ontology() -> Ontology:
+    """Return the shipped ontology, loaded once."""
+    return load_ontology()
