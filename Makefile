@@ -1,0 +1,66 @@
+# Every target sets up what it needs. `make eval` and `make test` work on a machine with Python 3.11, pip and make.
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+WORKERS ?= 2
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: eval test test-slow lint format bench docs wheel clean
+.DEFAULT_GOAL := eval
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "GAVEL needs Python 3.11 or newer, $(PYTHON) is $$($(PYTHON) -V 2>&1); try make PYTHON=/path/to/python3.11"; exit 1; }
+	@echo "creating $(VENV)"
+	@$(PYTHON) -m venv $(VENV)
+
+# One stamp per set of extras: installed again when the requirements change.
+# pip's output is shown only if it fails.
+define install
+	@echo "installing gavel-env$(1) into $(VENV) (the first time takes a minute or two)"
+	@$(BIN)/python -m pip install --disable-pip-version-check -e '.$(1)' -c constraints.txt > $(VENV)/install.log 2>&1 \
+		|| { cat $(VENV)/install.log; echo "installation failed; the output above is in $(VENV)/install.log"; exit 1; }
+	@touch $@
+endef
+
+$(VENV)/.installed-core: pyproject.toml constraints.txt | $(BIN)/python
+	$(call install,)
+
+$(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
+	$(call install,[dev])
+
+$(VENV)/.installed-docs: pyproject.toml constraints.txt | $(BIN)/python
+	$(call install,[dev$(comma)docs])
+
+comma := ,
+
+# The results table of several agents over the shipped instructions; ARGS are passed on.
+eval: $(VENV)/.installed-core
+	@$(BIN)/gavel eval $(ARGS)
+
+# The default suite: no GPU, no network. ARGS are passed to pytest.
+test: $(VENV)/.installed-dev
+	@$(BIN)/python -m pytest -n $(WORKERS) $(ARGS)
+
+test-slow: $(VENV)/.installed-dev
+	@$(BIN)/python -m pytest -m slow $(ARGS)
+
+lint: $(VENV)/.installed-dev
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy
+
+format: $(VENV)/.installed-dev
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+bench: $(VENV)/.installed-dev
+	@$(BIN)/python -m bench $(ARGS)
+
+docs: $(VENV)/.installed-docs
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet --site-dir site
+	@echo "open site/index.html"
+
+wheel: $(VENV)/.installed-dev
+	@$(BIN)/python -m pip wheel --disable-pip-version-check --no-deps --wheel-dir dist .
+
+clean:
+	rm -rf $(VENV) site dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,92 @@
+"""The project as a whole: packages import lightly, the command line answers, the pieces agree with one another."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from eval.cli import build_parser, main
+
+ROOT = Path(__file__).parent.parent
+
+
+def run_python(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, cwd=ROOT, check=False)
+
+
+@pytest.mark.parametrize(
+    ("statement", "heavy"),
+    [
+        ("import gavel_env", ["gavel_agents", "eval", "torch", "pandas", "matplotlib", "numba", "cv2", "openai"]),
+        ("import gavel_agents", ["eval", "gavel_env.env", "gavel_env.executor", "gavel_env.sensor", "torch"]),
+        ("from eval.cli import build_parser; build_parser()", ["pandas", "numba", "cv2", "torch", "rich"]),
+    ],
+)
+def test_import_stays_light(statement: str, heavy: list[str]) -> None:
+    code = f"import sys; {statement}; print([m for m in {heavy!r} if m in sys.modules])"
+    result = run_python("-c", code)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.strip() == "[]"
+
+
+def test_house_order_of_imports() -> None:
+    """gavel_env <- gavel_agents <- eval: nobody imports the packages to the right of its own."""
+    forbidden = {"gavel_env": ("gavel_agents", "eval"), "gavel_agents": ("eval",)}
+    for package, others in forbidden.items():
+        for path in sorted((ROOT / package).rglob("*.py")):
+            found = re.findall(rf"^\s*(?:from|import)\s+({'|'.join(others)})\b", path.read_text("utf-8"), re.MULTILINE)
+            assert not found, f"{path.relative_to(ROOT)} imports {found[0]}"
+
+
+def test_python_dash_m_eval_is_the_console_script() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert project["scripts"]["gavel"] == "eval.cli:main"
+    result = run_python("-m", "eval", "--help")
+    assert result.returncode == 0
+    assert "scenes" in result.stdout
+
+
+def test_unknown_command_exits_2_and_lists_the_known(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(["scnes"])
+    assert stopped.value.code == 2
+    assert "scenes" in capsys.readouterr().err
+
+
+def test_every_command_has_help_and_something_to_run() -> None:
+    commands = build_parser()._subparsers
+    assert commands is not None
+    for action in commands._group_actions:
+        choices = action.choices
+        assert isinstance(choices, dict)
+        for name, parser in choices.items():
+            text = parser.format_help()
+            assert name in text
+
+
+def test_every_requirement_is_pinned() -> None:
+    """constraints.txt pins each requirement of the core and of dev, data and docs."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    wanted = [*project["dependencies"], *extras["dev"], *extras["data"], *extras["docs"]]
+    names = {re.split(r"[<>=\[ ]", requirement)[0].lower() for requirement in wanted} - {"gavel-env"}
+    pinned = dict(re.findall(r"^([\w.-]+)==(\S+)$", (ROOT / "constraints.txt").read_text("utf-8"), re.MULTILINE))
+    assert names <= {name.lower().replace("_", "-") for name in pinned}
+    assert pinned["bddl"] == "3.6.0"
+
+
+def test_ci_runs_the_readme_test_command() -> None:
+    assert re.search(r"^\$ make test\b", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
+    assert re.search(r"^make test\b", (ROOT / ".ci" / "run").read_text("utf-8"), re.MULTILINE)
+
+
+def test_readme_shows_pictures_that_exist() -> None:
+    pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", (ROOT / "README.md").read_text("utf-8"))
+    assert pictures
+    for picture in pictures:
+        assert (ROOT / picture).is_file(), picture
