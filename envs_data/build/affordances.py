@@ -1,0 +1,190 @@
+"""The rules that turn BEHAVIOR's annotations into affordances; docs/data.md explains them.
+
+Openable, toggleable, heat and cold sources, cookable, heatable and freezable are annotated in bddl and read as they
+are. What bddl does not annotate is decided by the tables below, over synsets and measured sizes, never by the code
+that uses the ontology.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import cache
+from typing import NamedTuple
+
+from envs_data.build.common import Size, activities, ancestors, categories, properties
+from gavel_env.ontology import Mount
+
+__all__ = ["CONFERS", "WATER_SOURCES", "Holders", "clearance", "graspable", "holders", "interior", "mount", "surface"]
+
+# Switching these on changes their contents. bddl has transition rules for two of them; the third is the paper's own.
+CONFERS: dict[str, tuple[str, str]] = {
+    "clothes_dryer.n.01": ("dries", "DryerRule of BEHAVIOR"),
+    "dishwasher.n.01": ("washes", "rule of the paper; BEHAVIOR has none"),
+    "washer.n.03": ("washes", "WasherRule of BEHAVIOR"),
+}
+
+# Fixtures that run water when switched on, besides those with the annotation waterSource.
+WATER_SOURCES: dict[str, str] = {
+    "drinking_fountain.n.02": "runs water by its kind",
+    "hot_tub.n.02": "runs water by its kind",
+    "showerhead.n.01": "runs water by its kind",
+    "water__dispenser.n.01": "particleSource of water",
+}
+
+# Kinds that heat food when switched on though bddl annotates no heatSource; safety only, they cook nothing.
+HEATS_BY_KIND = ("cooker.n.01", "deep_fryer.n.01", "heatgun.n.01", "spirit_lamp.n.01", "waffle_iron.n.01")
+
+# Furniture and fixtures with a flat top.
+SURFACE_KINDS = (
+    "baby_bed.n.01", "bedroom_furniture.n.01", "cabinet.n.01", "case.n.20", "chest.n.02", "counter.n.01",
+    "flat_bench.n.02", "furniture.n.01", "grill.n.02", "handcart.n.01", "microwave.n.02", "oven.n.01",
+    "refrigerator.n.01", "seat.n.03", "shoe_rack.n.01", "snack_rack.n.01", "stove.n.01", "support.n.10", "table.n.02",
+    "tabletop.n.01", "tiered_seat.n.01", "tray.n.01", "white_goods.n.01",
+)  # fmt: skip
+NO_SURFACE_KINDS = ("bar.n.13", "column.n.07", "lamp.n.02", "mirror.n.01", "stairs.n.01", "step.n.04")
+
+# Things fit on the floor beneath these.
+CLEARANCE_KINDS = ("bedroom_furniture.n.01", "chair.n.01", "seat.n.03", "table.n.02")
+
+# Long thin vessels are filled, but nothing that a hand carries goes in.
+NARROW_VESSELS = ("bottle.n.01", "flask.n.01", "graduate.n.02", "tube.n.01")
+MOUTH_M = 0.12
+FLAT_M = 0.05
+
+# One hand: see docs/data.md.
+LONGEST_SIDE_M = 0.7
+LONGEST_TOOL_M, TOOL_WIDTH_M, TOOL_KG = 1.6, 0.4, 3.0
+LONGEST_CLOTH_M = 2.5
+HEAVIEST_KG = 8.0
+STANDS_KINDS = (
+    "audio_system.n.01", "bin.n.01", "display.n.06", "faucet.n.01", "furniture.n.01", "hamper.n.02",
+    "kitchen_appliance.n.01", "loudspeaker.n.01", "plumbing_fixture.n.01", "projector.n.02", "seat.n.03",
+    "umbrella_rack.n.01", "white_goods.n.01", "woody_plant.n.01",
+)  # fmt: skip
+
+STRUCTURE_KINDS = (
+    "backdrop.n.01", "baseboard.n.01", "ceiling.n.01", "door.n.01", "driveway.n.01", "elevator_door.n.01",
+    "floor.n.01", "gate.n.01", "lawn.n.01", "paving_stone.n.01", "roof.n.01", "skeleton.n.04", "wall.n.01",
+    "window.n.01",
+)  # fmt: skip
+CEILING_KINDS = (
+    "ceiling_fan.n.01", "ceiling_rack.n.01", "chandelier.n.01", "fire_sprinkler.n.01", "paper_lantern.n.01",
+    "room_light.n.01", "showerhead.n.01", "ventilator.n.01",
+)  # fmt: skip
+WALL_KINDS = (
+    "alarm.n.02", "banner.n.01", "blackboard.n.01", "blind.n.03", "bulletin.n.01",
+    "bulletin_board.n.01", "curtain.n.01", "curtain_rod.n.01", "dartboard.n.01", "decorative_sign.n.01",
+    "fairy_light.n.01", "hand_dryer.n.01", "handle.n.01", "hanging.n.01", "hook.n.05", "mirror.n.01",
+    "outlet.n.01", "painting.n.01", "paper_towel_dispenser.n.01", "periodic_table.n.01", "photoelectric_cell.n.01",
+    "photograph.n.01", "portrait.n.02", "poster.n.01", "range_hood.n.01", "scoreboard.n.01", "screen.n.01",
+    "security_camera.n.01", "shelf.n.01", "shutter.n.01", "signpost.n.01", "switch.n.01", "thermostat.n.01",
+    "toilet_paper_dispenser.n.01", "toilet_paper_holder.n.01", "towel_rack.n.01", "wall_clock.n.01",
+    "wall_nail.n.01", "wall_socket.n.01", "whiteboard.n.01",
+)  # fmt: skip
+CARPET_KINDS = ("mat.n.03", "rug.n.01")
+LOW_M = 0.15
+
+
+class Holders(NamedTuple):
+    """How often the activities put something on top of, inside or under an object of a synset."""
+
+    on_top: Counter[str]
+    inside: Counter[str]
+    under: Counter[str]
+
+
+@cache
+def holders() -> Holders:
+    """Count `ontop`, `inside` and `under` facts per holder synset over init and goal of all activities."""
+    counts = {"ontop": Counter[str](), "inside": Counter[str](), "under": Counter[str]()}
+    for _, sections in activities():
+        for facts in sections.values():
+            for fact in facts:
+                if fact.subject != "agent.n.01" and fact.relation in counts:
+                    counts[fact.relation][fact.holder] += 1
+    return Holders(counts["ontop"], counts["inside"], counts["under"])
+
+
+def _is_a(synset: str, kinds: tuple[str, ...]) -> bool:
+    return not ancestors(synset).isdisjoint(kinds)
+
+
+def mount(name: str, synset: str, size_m: Size | None) -> Mount:
+    """Return where instances of a category are fixed, from its name, kind and height."""
+    if _is_a(synset, STRUCTURE_KINDS):
+        return "structure"
+    if "wall_mounted" in name and not _is_a(synset, ("sink.n.01",)):
+        return "wall"
+    if name.startswith(("ceiling_", "hanging_plant", "hanging_basket")) or name == "track_light":
+        return "ceiling"
+    if _is_a(synset, CARPET_KINDS):
+        return "carpet"
+    if name == "top_cabinet":
+        return "wall"
+    if name.startswith(("standing_", "makeup_")):
+        return "floor"
+    if _is_a(synset, WALL_KINDS):
+        if synset == "shelf.n.01" and size_m is not None and size_m[2] > LOW_M:
+            return "floor"
+        return "wall"
+    if _is_a(synset, CEILING_KINDS):
+        return "ceiling"
+    return "floor"
+
+
+def surface(synset: str, size_m: Size | None, where: Mount) -> str | None:
+    """Return why things can stand on a category, or None."""
+    if where in {"structure", "ceiling", "carpet"} or (where == "wall" and synset != "shelf.n.01"):
+        return None
+    if holders().on_top[synset]:
+        return "activities put things on it"
+    if _is_a(synset, SURFACE_KINDS) and not _is_a(synset, NO_SURFACE_KINDS):
+        return "kind with a flat top"
+    flat = size_m is not None and size_m[2] <= FLAT_M and not _is_a(synset, NARROW_VESSELS)
+    if flat and "fillable" in properties(synset):
+        return "flat dish"
+    return None
+
+
+def interior(synset: str, size_m: Size | None) -> str | None:
+    """Return why things can be put into a category, or None."""
+    if holders().inside[synset]:
+        return "activities put things into it"
+    annotations = properties(synset)
+    for source in ("heatSource", "coldSource"):
+        if annotations.get(source, {}).get("requires_inside"):
+            return f"{source} acts inside"
+    if "fillable" not in annotations or size_m is None or _is_a(synset, NARROW_VESSELS):
+        return None
+    if min(size_m[:2]) < MOUTH_M or size_m[2] <= FLAT_M:
+        return None
+    return "fillable and wide enough"
+
+
+def clearance(synset: str, where: Mount) -> bool:
+    """Return True if something can lie on the floor beneath a category."""
+    return where == "floor" and (holders().under[synset] > 0 or _is_a(synset, CLEARANCE_KINDS))
+
+
+def graspable(synset: str, size_m: Size | None, mass_kg: float | None, where: Mount) -> bool:
+    """Return True if one hand can lift an object of this kind, size (m) and mass (kg)."""
+    annotations = properties(synset)
+    if size_m is None or mass_kg is None or where != "floor" or "sceneObject" in annotations:
+        return False
+    if mass_kg > HEAVIEST_KG or _is_a(synset, STANDS_KINDS):
+        return False
+    longest, second = sorted(size_m, reverse=True)[:2]
+    if not annotations.keys().isdisjoint({"cloth", "rope"}):
+        return longest <= LONGEST_CLOTH_M
+    tool = longest <= LONGEST_TOOL_M and second <= TOOL_WIDTH_M and mass_kg <= TOOL_KG
+    return longest <= LONGEST_SIDE_M or tool
+
+
+def heats_by_kind(synset: str) -> bool:
+    """Return True for cookers and flames that bddl does not annotate as heat sources."""
+    return _is_a(synset, HEATS_BY_KIND)
+
+
+def known_synsets() -> frozenset[str]:
+    """Return every synset that has a category."""
+    return frozenset(row.synset for row in categories().values())
