@@ -17,7 +17,7 @@ import msgspec
 
 from gavel_env.errors import DataError, UnknownCategory
 
-__all__ = ["Category", "Mount", "Ontology", "TemperatureSource", "default_ontology", "load_ontology"]
+__all__ = ["Category", "Mount", "Ontology", "TemperatureSource", "category_of", "default_ontology", "load_ontology"]
 
 FORMAT = "gavel-ontology/1"
 
@@ -53,6 +53,7 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         freezable: becomes frozen in a cold source that freezes.
         graspable: one hand can lift it (rule: docs/data.md).
         safety_critical: must not be left switched on (heat or water source, or confers a state).
+        clearance: something can lie on the floor beneath it (a table, a desk, a bed on legs).
         mount: where its instances are fixed; only "floor" ones block the way.
         size_m: median (width, depth, height) of its models, metres, or None.
         mass_kg: annotated mass, or None.
@@ -75,6 +76,7 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     freezable: bool = False
     graspable: bool = False
     safety_critical: bool = False
+    clearance: bool = False
     mount: Mount = "floor"
     size_m: tuple[float, float, float] | None = None
     mass_kg: float | None = None

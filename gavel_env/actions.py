@@ -1,0 +1,121 @@
+"""The nine grounded primitives a = (alpha, xi) of the paper, with one canonical text form and a tolerant parser."""
+
+from __future__ import annotations
+
+import enum
+import re
+from typing import NamedTuple
+
+from gavel_env.errors import MalformedAction, nearest_names
+
+__all__ = ["Action", "Primitive", "normalise_name", "parse_action"]
+
+
+class Primitive(enum.IntEnum):
+    """Action types; the value indexes the environments' `primitive` space."""
+
+    NAVIGATE_TO = 0
+    GRASP = 1
+    RELEASE = 2
+    PLACE_ON_TOP = 3
+    PLACE_INSIDE = 4
+    OPEN = 5
+    CLOSE = 6
+    TOGGLE_ON = 7
+    TOGGLE_OFF = 8
+
+    @property
+    def takes_target(self) -> bool:
+        """False for `RELEASE` alone."""
+        return self is not Primitive.RELEASE
+
+
+class Action(NamedTuple):
+    """A primitive and its argument; `str(action)` is the canonical text, `NAVIGATE_TO(fridge_0)`."""
+
+    primitive: Primitive
+    target: str | None = None
+
+    def __str__(self) -> str:
+        return f"{self.primitive.name}({self.target or ''})"
+
+
+# Other words for the primitives that models and people write, without spaces, underscores or capitals.
+_ALIASES = {
+    "navigate": Primitive.NAVIGATE_TO,
+    "goto": Primitive.NAVIGATE_TO,
+    "moveto": Primitive.NAVIGATE_TO,
+    "walkto": Primitive.NAVIGATE_TO,
+    "find": Primitive.NAVIGATE_TO,
+    "pick": Primitive.GRASP,
+    "pickup": Primitive.GRASP,
+    "grab": Primitive.GRASP,
+    "take": Primitive.GRASP,
+    "drop": Primitive.RELEASE,
+    "letgo": Primitive.RELEASE,
+    "placeon": Primitive.PLACE_ON_TOP,
+    "placeontopof": Primitive.PLACE_ON_TOP,
+    "puton": Primitive.PLACE_ON_TOP,
+    "putontop": Primitive.PLACE_ON_TOP,
+    "placein": Primitive.PLACE_INSIDE,
+    "placeinto": Primitive.PLACE_INSIDE,
+    "putin": Primitive.PLACE_INSIDE,
+    "putinside": Primitive.PLACE_INSIDE,
+    "shut": Primitive.CLOSE,
+    "turnon": Primitive.TOGGLE_ON,
+    "switchon": Primitive.TOGGLE_ON,
+    "turnoff": Primitive.TOGGLE_OFF,
+    "switchoff": Primitive.TOGGLE_OFF,
+}
+_NAMES = {p.name.replace("_", "").lower(): p for p in Primitive} | _ALIASES
+_CALL = re.compile(r"^\s*([A-Za-z][A-Za-z_ -]*?)\s*[(\[:]\s*(.*?)\s*[)\]]?\s*[;.,]?\s*$", re.DOTALL)
+_ARTICLE = re.compile(r"^(?:the|a|an)[\s_]+", re.IGNORECASE)
+_CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
+
+
+def normalise_name(text: str) -> str:
+    """Return an object name as the graphs write it: `the Bottom Cabinet 3` -> `bottom_cabinet_3`."""
+    text = _ARTICLE.sub("", text.strip().strip("\"'`<>").strip())
+    text = _CAMEL.sub("_", text).lower()
+    text = re.sub(r"\s*@\s*", "@", text)
+    return re.sub(r"[\s\-]+", "_", text).strip("_")
+
+
+def parse_action(text: str) -> Action:
+    """Read one action, tolerant of case, spacing, snake or camel case and common other verbs.
+
+    Accepts `NAVIGATE_TO(fridge_0)`, `navigate to the fridge`, `PlaceInside(apple, fridge)` (the last argument is the
+    target) and `Release`. `parse_action(str(a)) == a` for every action with a normal name.
+
+    Raises:
+        MalformedAction: no primitive is named, or its target is missing.
+    """
+    call = _CALL.match(text)
+    if call:
+        verb, arguments = call.group(1), call.group(2)
+    else:
+        verb, arguments = _split_words(text)
+    key = re.sub(r"[\s_\-]+", "", verb).lower()
+    primitive = _NAMES.get(key)
+    if primitive is None:
+        near = nearest_names(key, _NAMES)
+        hint = (
+            f"did you mean {_NAMES[near[0]].name}?" if near else f"primitives: {', '.join(p.name for p in Primitive)}"
+        )
+        raise MalformedAction(f"no primitive in {text.strip()[:80]!r}; {hint}")
+    if not primitive.takes_target:
+        return Action(primitive)
+    target = normalise_name(re.split(r"[,;]", arguments)[-1].split("=")[-1])
+    if not target:
+        raise MalformedAction(f"{primitive.name} in {text.strip()[:80]!r} names no target")
+    return Action(primitive, target)
+
+
+def _split_words(text: str) -> tuple[str, str]:
+    """Split `navigate to the fridge` after the longest run of words that names a primitive."""
+    words = text.strip().rstrip(".;,").replace("_", " ").split()
+    words = [w for word in words for w in _CAMEL.sub(" ", word).split()]
+    for count in (4, 3, 2, 1):
+        if count <= len(words) and "".join(words[:count]).replace("-", "").lower() in _NAMES:
+            return " ".join(words[:count]), " ".join(words[count:])
+    return (words[0] if words else ""), ""
