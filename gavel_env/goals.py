@@ -241,7 +241,7 @@ _MOST_BINDINGS = 20_000
 
 
 def unmet(goal: Goal, graph: SceneGraph) -> tuple[Literal | Condition, ...]:
-    """Return unmet(g, G), the conditions of `goal` that do not hold in `graph`; empty = the goal is met.
+    """Return the conditions of `goal` that do not hold in `graph`, in the order written; empty = the goal is met.
 
     Subjects with several fitting instances are bound to the instances that leave the fewest literals unmet (the first
     such binding in graph order; at most 20,000 bindings are tried).
