@@ -25,11 +25,24 @@ Mount = Literal["floor", "wall", "ceiling", "carpet", "structure"]
 
 
 class TemperatureSource(msgspec.Struct, frozen=True):
-    """When a heat or cold source acts on what it holds (bddl `heatSource` / `coldSource` parameters)."""
+    """When a heat or cold source acts on what it holds (bddl `heatSource` / `coldSource` parameters).
+
+    Attributes:
+        requires_toggled_on: it must be switched on.
+        requires_closed: its door must be shut.
+        requires_inside: it acts on what is inside it, not on what stands on it.
+        temperature_c: temperature it reaches, degrees Celsius, or None if bddl gives none.
+    """
 
     requires_toggled_on: bool = False
     requires_closed: bool = False
     requires_inside: bool = False
+    temperature_c: float | None = None
+
+    @property
+    def freezes(self) -> bool:
+        """True if it is cold enough to freeze (a freezer at -18 °C, not a cool box at 4 °C)."""
+        return self.temperature_c is not None and self.temperature_c <= 0.0
 
 
 class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -55,7 +68,7 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         safety_critical: must not be left switched on (heat or water source, or confers a state).
         clearance: something can lie on the floor beneath it (a table, a desk, a bed on legs).
         mount: where its instances are fixed; only "floor" ones block the way.
-        size_m: median (width, depth, height) of its models, metres, or None.
+        size_m: median (depth along the front direction, width, height) of its models, metres, or None.
         mass_kg: annotated mass, or None.
     """
 

@@ -11,10 +11,21 @@ from collections import Counter
 from functools import cache
 from typing import NamedTuple
 
-from envs_data.build.common import Size, activities, ancestors, categories, properties
+from envs_data.build.common import Size, activities, ancestors, properties
 from gavel_env.ontology import Mount
 
-__all__ = ["CONFERS", "WATER_SOURCES", "Holders", "clearance", "graspable", "holders", "interior", "mount", "surface"]
+__all__ = [
+    "CONFERS",
+    "WATER_SOURCES",
+    "Holders",
+    "clearance",
+    "graspable",
+    "heats_by_kind",
+    "holders",
+    "interior",
+    "mount",
+    "surface",
+]
 
 # Switching these on changes their contents. bddl has transition rules for two of them; the third is the paper's own.
 CONFERS: dict[str, tuple[str, str]] = {
@@ -36,12 +47,15 @@ HEATS_BY_KIND = ("cooker.n.01", "deep_fryer.n.01", "heatgun.n.01", "spirit_lamp.
 
 # Furniture and fixtures with a flat top.
 SURFACE_KINDS = (
-    "baby_bed.n.01", "bedroom_furniture.n.01", "cabinet.n.01", "case.n.20", "chest.n.02", "counter.n.01",
-    "flat_bench.n.02", "furniture.n.01", "grill.n.02", "handcart.n.01", "microwave.n.02", "oven.n.01",
-    "refrigerator.n.01", "seat.n.03", "shoe_rack.n.01", "snack_rack.n.01", "stove.n.01", "support.n.10", "table.n.02",
-    "tabletop.n.01", "tiered_seat.n.01", "tray.n.01", "white_goods.n.01",
+    "base.n.08", "bed.n.01", "bookcase.n.01", "bookcase_shelf.n.01", "bookcase_top.n.01", "cabinet.n.01", "case.n.20",
+    "chest.n.02", "counter.n.01", "crib.n.01", "flat_bench.n.02", "grill.n.02", "grocery_shelf.n.01", "hallstand.n.01",
+    "handcart.n.01", "hospital_bed.n.02", "microwave.n.02", "oven.n.01", "pet_bed.n.01", "plant_pot_stand.n.01",
+    "refrigerator.n.01", "seat.n.03", "shelf.n.01", "shoe_rack.n.01", "snack_rack.n.01", "stove.n.01", "table.n.02",
+    "tabletop.n.01", "tiered_seat.n.01", "tray.n.01", "wardrobe.n.01", "white_goods.n.01",
 )  # fmt: skip
-NO_SURFACE_KINDS = ("bar.n.13", "column.n.07", "lamp.n.02", "mirror.n.01", "stairs.n.01", "step.n.04")
+
+# A hypernym this general says nothing about the things below it.
+TOO_GENERAL = "container.n.01"
 
 # Things fit on the floor beneath these.
 CLEARANCE_KINDS = ("bedroom_furniture.n.01", "chair.n.01", "seat.n.03", "table.n.02")
@@ -49,17 +63,18 @@ CLEARANCE_KINDS = ("bedroom_furniture.n.01", "chair.n.01", "seat.n.03", "table.n
 # Long thin vessels are filled, but nothing that a hand carries goes in.
 NARROW_VESSELS = ("bottle.n.01", "flask.n.01", "graduate.n.02", "tube.n.01")
 MOUTH_M = 0.12
+SMALL_MOUTH_M = 0.06
 FLAT_M = 0.05
 
 # One hand: see docs/data.md.
 LONGEST_SIDE_M = 0.7
-LONGEST_TOOL_M, TOOL_WIDTH_M, TOOL_KG = 1.6, 0.4, 3.0
+LONGEST_TOOL_M, TOOL_WIDTH_M, TOOL_KG = 1.6, 0.55, 3.0
 LONGEST_CLOTH_M = 2.5
 HEAVIEST_KG = 8.0
 STANDS_KINDS = (
     "audio_system.n.01", "bin.n.01", "display.n.06", "faucet.n.01", "furniture.n.01", "hamper.n.02",
-    "kitchen_appliance.n.01", "loudspeaker.n.01", "plumbing_fixture.n.01", "projector.n.02", "seat.n.03",
-    "umbrella_rack.n.01", "white_goods.n.01", "woody_plant.n.01",
+    "loudspeaker.n.01", "plumbing_fixture.n.01", "projector.n.02", "seat.n.03", "umbrella_rack.n.01",
+    "white_goods.n.01",
 )  # fmt: skip
 
 STRUCTURE_KINDS = (
@@ -72,10 +87,10 @@ CEILING_KINDS = (
     "room_light.n.01", "showerhead.n.01", "ventilator.n.01",
 )  # fmt: skip
 WALL_KINDS = (
-    "alarm.n.02", "banner.n.01", "blackboard.n.01", "blind.n.03", "bulletin.n.01",
-    "bulletin_board.n.01", "curtain.n.01", "curtain_rod.n.01", "dartboard.n.01", "decorative_sign.n.01",
-    "fairy_light.n.01", "hand_dryer.n.01", "handle.n.01", "hanging.n.01", "hook.n.05", "mirror.n.01",
-    "outlet.n.01", "painting.n.01", "paper_towel_dispenser.n.01", "periodic_table.n.01", "photoelectric_cell.n.01",
+    "alarm.n.02", "banner.n.01", "blackboard.n.01", "blind.n.03", "bulletin.n.01", "bulletin_board.n.01",
+    "curtain.n.01", "curtain_rod.n.01", "dartboard.n.01", "decorative_sign.n.01", "display_panel.n.01",
+    "fairy_light.n.01", "hand_dryer.n.01", "handle.n.01", "hanging.n.01", "hook.n.05", "mirror.n.01", "outlet.n.01",
+    "painting.n.01", "paper_towel_dispenser.n.01", "periodic_table.n.01", "photoelectric_cell.n.01",
     "photograph.n.01", "portrait.n.02", "poster.n.01", "range_hood.n.01", "scoreboard.n.01", "screen.n.01",
     "security_camera.n.01", "shelf.n.01", "shutter.n.01", "signpost.n.01", "switch.n.01", "thermostat.n.01",
     "toilet_paper_dispenser.n.01", "toilet_paper_holder.n.01", "towel_rack.n.01", "wall_clock.n.01",
@@ -132,13 +147,18 @@ def mount(name: str, synset: str, size_m: Size | None) -> Mount:
     return "floor"
 
 
+def _evidence(counts: Counter[str], synset: str) -> bool:
+    """Return True if the activities use this synset, or a hypernym that says something about it."""
+    return any(counts[kind] for kind in sorted(ancestors(synset)) if kind != TOO_GENERAL)
+
+
 def surface(synset: str, size_m: Size | None, where: Mount) -> str | None:
     """Return why things can stand on a category, or None."""
-    if where in {"structure", "ceiling", "carpet"} or (where == "wall" and synset != "shelf.n.01"):
+    if where in {"structure", "ceiling"} or (where == "wall" and synset != "shelf.n.01"):
         return None
-    if holders().on_top[synset]:
+    if _evidence(holders().on_top, synset):
         return "activities put things on it"
-    if _is_a(synset, SURFACE_KINDS) and not _is_a(synset, NO_SURFACE_KINDS):
+    if _is_a(synset, SURFACE_KINDS):
         return "kind with a flat top"
     flat = size_m is not None and size_m[2] <= FLAT_M and not _is_a(synset, NARROW_VESSELS)
     if flat and "fillable" in properties(synset):
@@ -148,22 +168,23 @@ def surface(synset: str, size_m: Size | None, where: Mount) -> str | None:
 
 def interior(synset: str, size_m: Size | None) -> str | None:
     """Return why things can be put into a category, or None."""
+    annotations = properties(synset)
     if holders().inside[synset]:
         return "activities put things into it"
-    annotations = properties(synset)
     for source in ("heatSource", "coldSource"):
         if annotations.get(source, {}).get("requires_inside"):
             return f"{source} acts inside"
     if "fillable" not in annotations or size_m is None or _is_a(synset, NARROW_VESSELS):
         return None
-    if min(size_m[:2]) < MOUTH_M or size_m[2] <= FLAT_M:
-        return None
-    return "fillable and wide enough"
+    mouth_m = min(size_m[:2])
+    if _evidence(holders().inside, synset) and mouth_m >= SMALL_MOUTH_M:
+        return "activities put things into its kind"
+    return "fillable and wide enough" if mouth_m >= MOUTH_M and size_m[2] > FLAT_M else None
 
 
 def clearance(synset: str, where: Mount) -> bool:
     """Return True if something can lie on the floor beneath a category."""
-    return where == "floor" and (holders().under[synset] > 0 or _is_a(synset, CLEARANCE_KINDS))
+    return where == "floor" and (_evidence(holders().under, synset) or _is_a(synset, CLEARANCE_KINDS))
 
 
 def graspable(synset: str, size_m: Size | None, mass_kg: float | None, where: Mount) -> bool:
@@ -171,7 +192,8 @@ def graspable(synset: str, size_m: Size | None, mass_kg: float | None, where: Mo
     annotations = properties(synset)
     if size_m is None or mass_kg is None or where != "floor" or "sceneObject" in annotations:
         return False
-    if mass_kg > HEAVIEST_KG or _is_a(synset, STANDS_KINDS):
+    plugged_in = "toggleable" in annotations and _is_a(synset, ("kitchen_appliance.n.01",))
+    if mass_kg > HEAVIEST_KG or plugged_in or _is_a(synset, STANDS_KINDS):
         return False
     longest, second = sorted(size_m, reverse=True)[:2]
     if not annotations.keys().isdisjoint({"cloth", "rope"}):
@@ -183,8 +205,3 @@ def graspable(synset: str, size_m: Size | None, mass_kg: float | None, where: Mo
 def heats_by_kind(synset: str) -> bool:
     """Return True for cookers and flames that bddl does not annotate as heat sources."""
     return _is_a(synset, HEATS_BY_KIND)
-
-
-def known_synsets() -> frozenset[str]:
-    """Return every synset that has a category."""
-    return frozenset(row.synset for row in categories().values())

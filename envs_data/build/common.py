@@ -36,12 +36,13 @@ __all__ = [
 ]
 
 BDDL_VERSION = "3.6.0"
+RELATIONS = frozenset({"attached", "draped", "inroom", "inside", "ontop", "overlaid", "under"})
 
 Size = tuple[float, float, float]
 
 
 class CategoryRow(NamedTuple):
-    """A line of `category_mapping.csv`: the synset, the mass (kg, None for substances) and whether it is a substance."""
+    """A line of `category_mapping.csv`: synset, mass (kg, None for substances) and whether it is a substance."""
 
     synset: str
     mass_kg: float | None
@@ -50,13 +51,23 @@ class CategoryRow(NamedTuple):
 
 @dataclass(frozen=True)
 class Literal:
-    """A binary fact of an activity over synsets: `relation(subject, holder)`; `holder` is a room type for `inroom`."""
+    """A two-place fact of an activity: `relation(subject, holder)`.
+
+    Attributes:
+        relation: predicate, as in `ontop`.
+        subject: synset of the first place.
+        holder: synset of the second place, or a room type for `inroom`.
+        subject_id: first place as the file writes it: an instance (`apple.n.01_1`) or a quantified variable.
+        holder_id: second place, likewise.
+        negated: stands under `not`.
+    """
 
     relation: str
     subject: str
     holder: str
     subject_id: str
     holder_id: str
+    negated: bool = False
 
 
 @cache
@@ -161,15 +172,15 @@ def room_objects() -> Mapping[str, Mapping[str, Mapping[str, int]]]:
 
 
 _SECTION = re.compile(r"\(:(init|goal)\b")
-_BINARY = re.compile(r"\(\s*([a-z_]+)\s+\??([^\s()?]+)\s+\??([^\s()?]+)\s*\)")
+_BINARY = re.compile(r"(\(\s*not\s*)?\(\s*([a-z_]+)\s+\??([^\s()?]+)\s+\??([^\s()?]+)\s*\)")
 _INSTANCE = re.compile(r"_(\d+|\*)$")
 
 
 def activities() -> Iterator[tuple[str, Mapping[str, tuple[Literal, ...]]]]:
     """Yield (activity, {"init": facts, "goal": facts}) of the 1,016 activities, in alphabetical order.
 
-    Only two-place predicates are read; quantifiers and negation of the goal are flattened, since the builders ask
-    which pairs an activity speaks of, not whether its goal holds.
+    Only the predicates of `RELATIONS` are read and quantifiers are flattened, since the builders ask which
+    pairs an activity speaks of, not whether its goal holds.
     """
     for path in sorted((bddl_root() / "activity_definitions").glob("*/problem0.bddl")):
         text = path.read_text(encoding="utf-8")
@@ -178,8 +189,8 @@ def activities() -> Iterator[tuple[str, Mapping[str, tuple[Literal, ...]]]]:
         sections: dict[str, tuple[Literal, ...]] = {"init": (), "goal": ()}
         for (section, begin), end in zip(starts, ends, strict=True):
             sections[section] = tuple(
-                Literal(relation, _INSTANCE.sub("", a), _INSTANCE.sub("", b), a, b)
-                for relation, a, b in _BINARY.findall(text[begin:end])
-                if relation not in {"nextto", "forn"}
+                Literal(relation, _INSTANCE.sub("", a), _INSTANCE.sub("", b), a, b, negated=bool(negation))
+                for negation, relation, a, b in _BINARY.findall(text[begin:end])
+                if relation in RELATIONS
             )
         yield path.parent.name, sections

@@ -32,6 +32,7 @@ def _temperature_source(parameters: Mapping[str, Any] | None) -> TemperatureSour
         requires_toggled_on=bool(parameters.get("requires_toggled_on")),
         requires_closed=bool(parameters.get("requires_closed")),
         requires_inside=bool(parameters.get("requires_inside")),
+        temperature_c=parameters.get("temperature"),
     )
 
 
