@@ -1,0 +1,87 @@
+"""The interface of chat models and the table of adapters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Literal, Protocol
+
+import msgspec
+
+from gavel_env.errors import GavelError, nearest_names
+
+__all__ = ["BadPlannerSpec", "ChatModel", "Completion", "Message", "Prompt", "load_model", "model_kinds"]
+
+
+class BadPlannerSpec(GavelError):
+    """A planner spec of unknown kind, or without what its kind needs."""
+
+
+class Message(msgspec.Struct, frozen=True):
+    """One chat turn."""
+
+    role: Literal["system", "user", "assistant"]
+    content: str
+
+
+class Prompt(msgspec.Struct, frozen=True):
+    """A conversation to be continued.
+
+    Attributes:
+        messages: the turns; the leading ones that never change between instructions come first.
+        instruction_id: which instruction it is about (scripted models answer by it; never shown to a model).
+        attempt: 0 for the first proposal, then 1, 2, ... for retries.
+    """
+
+    messages: tuple[Message, ...]
+    instruction_id: str = ""
+    attempt: int = 0
+
+
+class Completion(msgspec.Struct, frozen=True):
+    """What a model answered, and what it took."""
+
+    text: str
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    seconds: float = 0.0
+
+
+class ChatModel(Protocol):
+    """A language model; `name` and `decoding` go into every record."""
+
+    name: str
+    decoding: Mapping[str, str | float | int]
+
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
+        """Return one completion per prompt, in order."""
+        ...
+
+
+# kind -> (module, class); the module is imported only when the kind is asked for.
+_KINDS: dict[str, tuple[str, str]] = {
+    "scripted": ("gavel_agents.llm.scripted", "ScriptedModel"),
+}
+
+
+def model_kinds() -> tuple[str, ...]:
+    """Return the known kinds of planner specs."""
+    return tuple(sorted(_KINDS))
+
+
+def load_model(spec: str) -> ChatModel:
+    """Return the model of a spec `kind:argument`.
+
+    Raises:
+        BadPlannerSpec: unknown kind, or no argument; names the alternatives.
+    """
+    kind, colon, argument = spec.partition(":")
+    if kind not in _KINDS:
+        near = nearest_names(kind, _KINDS)
+        hint = f"did you mean {near[0]!r}?" if near else f"kinds: {', '.join(model_kinds())}"
+        raise BadPlannerSpec(f"unknown planner kind {kind!r} in {spec!r}; {hint}")
+    if not colon or not argument:
+        raise BadPlannerSpec(f"planner spec {spec!r} needs the form {kind}:ARGUMENT")
+    module, name = _KINDS[kind]
+    model: ChatModel = getattr(import_module(module), name)(argument)
+    return model

@@ -1,0 +1,9 @@
+"""Task understanding: Decompose, ExtractObjects and ParseGoal of Algorithm 1, behind one interface.
+
+Every method of the comparison shares the same implementation, so that what is compared is planning.
+"""
+
+from gavel_agents.understanding.base import Decomposition, TaskUnderstanding, Understanding
+from gavel_agents.understanding.reference import ReferenceUnderstanding
+
+__all__ = ["Decomposition", "ReferenceUnderstanding", "TaskUnderstanding", "Understanding"]
