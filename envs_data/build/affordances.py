@@ -49,9 +49,9 @@ HEATS_BY_KIND = ("cooker.n.01", "deep_fryer.n.01", "heatgun.n.01", "spirit_lamp.
 SURFACE_KINDS = (
     "base.n.08", "bed.n.01", "bookcase.n.01", "bookcase_shelf.n.01", "bookcase_top.n.01", "cabinet.n.01", "case.n.20",
     "chest.n.02", "counter.n.01", "crib.n.01", "flat_bench.n.02", "grill.n.02", "grocery_shelf.n.01", "hallstand.n.01",
-    "handcart.n.01", "hospital_bed.n.02", "microwave.n.02", "oven.n.01", "pet_bed.n.01", "plant_pot_stand.n.01",
-    "refrigerator.n.01", "seat.n.03", "shelf.n.01", "shoe_rack.n.01", "snack_rack.n.01", "stove.n.01", "table.n.02",
-    "tabletop.n.01", "tiered_seat.n.01", "tray.n.01", "wardrobe.n.01", "white_goods.n.01",
+    "handcart.n.01", "hospital_bed.n.02", "hutch.n.01", "microwave.n.02", "oven.n.01", "pet_bed.n.01",
+    "plant_pot_stand.n.01", "refrigerator.n.01", "seat.n.03", "shelf.n.01", "shoe_rack.n.01", "snack_rack.n.01",
+    "stove.n.01", "table.n.02", "tabletop.n.01", "tiered_seat.n.01", "tray.n.01", "wardrobe.n.01", "white_goods.n.01",
 )  # fmt: skip
 
 # A hypernym this general says nothing about the things below it.
