@@ -227,7 +227,7 @@ def _open(graph: SceneGraph, y: str) -> SceneGraph:
 def _close(graph: SceneGraph, y: str) -> SceneGraph:
     graph = graph.with_flag(Flag.OPEN, frozenset((y,)), value=False)
     cold = graph.category(y).cold
-    if cold is not None and not cold.requires_toggled_on:
+    if cold is not None and cold.freezes and not cold.requires_toggled_on:
         chilled = [o for o in _within(graph, y, inside_only=True) if graph.category(o).freezable]
         graph = graph.with_flag(Flag.FROZEN, frozenset(chilled))
     return graph
