@@ -23,13 +23,14 @@ FORMAT = "gavel-scene/1"
 Point = tuple[float, float]
 
 
-class RoomOutline(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A room: id as bddl names it (`kitchen_0`), type (`kitchen`), and its floor as a closed polygon."""
+class RoomOutline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A room: id as bddl names it (`kitchen_0`), type (`kitchen`), its floor as a closed polygon, and pillars in it."""
 
     id: str
     type: str
     polygon: tuple[Point, ...]
     area_m2: float
+    holes: tuple[tuple[Point, ...], ...] = ()
 
 
 class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
