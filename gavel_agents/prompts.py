@@ -1,3 +1,4 @@
+# ruff: noqa: E501  (a prompt is written as the model reads it, line by line)
 """What the planner is told: pure functions from the believed graph to chat turns (Sec. "LLM Action Planning").
 
 Everything that does not change between instructions (rules, actions, worked examples) leads, so that a backend can keep

@@ -1,0 +1,115 @@
+"""Binding: from designators of a plan to instances of the house (shared by all methods).
+
+A plan step on a designator is sent as an instance once one is bound, otherwise as the designator itself with its belief
+as search prior. Going to an open piece whose expected contents are still unseen means going to them: the countertop
+that has the pie, not the nearest one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from gavel_env.actions import Action, Primitive
+from gavel_env.graph import Relation, SceneGraph
+from gavel_env.observed import EnvAction, Observed
+
+__all__ = ["Binder"]
+
+
+class Binder:
+    """Remembers which instance every designator stands for.
+
+    Attributes:
+        bound: designator node -> instance id; what is bound stays bound.
+    """
+
+    def __init__(self) -> None:
+        self.bound: dict[str, str] = {}
+
+    def send(
+        self, action: Action, believed: SceneGraph, observed: Observed, priors: Mapping[str, Mapping[str, float]]
+    ) -> EnvAction:
+        """Return the action as the environment understands it, binding what is observed.
+
+        Args:
+            action: a plan step on a node of the believed graph.
+            believed: the believed graph before the step.
+            observed: what has been observed.
+            priors: node -> room id -> belief, for the search of what is not bound.
+        """
+        node = action.target
+        if node is None or node not in believed.world.nodes:
+            return EnvAction.of(action)
+        if node not in self.bound:
+            going = action.primitive is Primitive.NAVIGATE_TO
+            sought = self._sought(node, believed) if going else node
+            instance = self._choose(sought, believed, observed, near_first=not going)
+            if instance is None:
+                return EnvAction(action.primitive, sought, priors.get(node)) if going else EnvAction.of(action)
+            self.bind(sought, instance, believed, observed)
+        return EnvAction(action.primitive, self.bound.get(node, node), priors.get(node))
+
+    def arrived(self, action: Action, believed: SceneGraph, observed: Observed) -> None:
+        """Bind what a search has found."""
+        node = action.target
+        if action.primitive is not Primitive.NAVIGATE_TO or node is None or observed.reached is None:
+            return
+        if node in believed.world.nodes and node not in self.bound:
+            self.bind(self._sought(node, believed), observed.reached, believed, observed)
+
+    def bind(self, node: str, instance: str, believed: SceneGraph, observed: Observed) -> None:
+        """Bind a node, and with it the nodes that the believed graph says hold it."""
+        self.bound[node] = instance
+        real = list(observed.graph.holders(instance))
+        for (relation, holder), (real_relation, real_holder) in zip(believed.holders(node), real, strict=False):
+            fits = self._fits(holder, real_holder, believed, observed)
+            if holder in self.bound or relation is not real_relation or not fits:
+                break
+            self.bound[holder] = real_holder
+
+    def _sought(self, node: str, believed: SceneGraph) -> str:
+        """Return what going to `node` means going to: its first expected unbound contents, if it stands open."""
+        category = believed.category(node)
+        if category.graspable or category.has_door:
+            return node
+        return next((c for c in believed.contents.get(node, ()) if c not in self.bound), node)
+
+    def _choose(self, node: str, believed: SceneGraph, observed: Observed, *, near_first: bool) -> str | None:
+        """Return the observed instance for a node: what it is said to be in or on, then near, then the nearest."""
+        taken = () if believed.world.nodes[node].fixed else tuple(self.bound.values())
+        found = [i for i in self.candidates(node, believed, observed) if i not in taken]
+        if not found:
+            return None
+        support = believed.supports.get(node)
+        if support is not None and support.relation <= Relation.INSIDE and support.holder in self.bound:
+            there = [i for i in found if observed.graph.contains(self.bound[support.holder], i)]
+            found = there or found
+        if near_first:
+            found = [i for i in found if i in observed.graph.near] or found
+        return min(found, key=lambda i: (_distance_m(observed, i), i))
+
+    def candidates(self, node: str, believed: SceneGraph, observed: Observed) -> Iterator[str]:
+        """Yield the observed instances that fit a node's designator."""
+        for instance in observed.graph.world.by_category.get(believed.category(node).name, ()):
+            if self._fits(node, instance, believed, observed):
+                yield instance
+
+    @staticmethod
+    def _fits(node: str, instance: str, believed: SceneGraph, observed: Observed) -> bool:
+        wanted = believed.world.nodes[node]
+        if observed.graph.category(instance).name != wanted.category.name:
+            return False
+        if wanted.stated_room is None:
+            return True
+        room = observed.graph.room_of(instance)
+        return room is not None and wanted.stated_room in (room, observed.graph.world.rooms[room].type)
+
+
+def _distance_m(observed: Observed, instance: str) -> float:
+    """Return the driving distance from the robot to an observed instance, by the known layout."""
+    if instance == observed.graph.holding or instance in observed.graph.near:
+        return 0.0
+    x, y = observed.positions[instance]
+    goal = observed.layout.nearest_reachable(x, y, observed.graph.room_of(instance))
+    metres = None if goal is None else observed.layout.distance(observed.cell, (goal,))
+    return float("inf") if metres is None else metres
