@@ -67,6 +67,10 @@ class Binder:
                 break
             self.bound[holder] = real_holder
 
+    def destination(self, node: str, believed: SceneGraph, observed: Observed) -> str | None:
+        """Return the observed instance that going to `node` would go to, or None if it would be searched."""
+        return self.bound.get(node) or self._choose(self._sought(node, believed), believed, observed, near_first=False)
+
     def _sought(self, node: str, believed: SceneGraph) -> str:
         """Return what going to `node` means going to: its first expected unbound contents, if it stands open."""
         category = believed.category(node)

@@ -1,0 +1,213 @@
+"""Algorithm 1: the one pipeline behind every method but the oracle; `MethodConfig` says what each of them does.
+
+understand -> believed graph and belief -> proposals (repair, validate, complain) -> order -> execute, binding
+designators to what is observed -> update the belief -> order again.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from gavel_agents.base import AgentTrace
+from gavel_agents.belief import Belief, Prior
+from gavel_agents.believed import believed_graph, observe_flags
+from gavel_agents.binding import Binder
+from gavel_agents.cost import Place, TravelModel
+from gavel_agents.llm import ChatModel
+from gavel_agents.methods import MethodConfig
+from gavel_agents.ordering import expected_costs, orderings
+from gavel_agents.proposals import Planned, Problem, edited_plans, proposed_plans, stage
+from gavel_agents.understanding import TaskUnderstanding, Understanding
+from gavel_agents.validation import Plan, validate
+from gavel_env.actions import Action
+from gavel_env.dynamics import Profile, apply, first_violation
+from gavel_env.goals import Goal
+from gavel_env.graph import Relation, SceneGraph, Support
+from gavel_env.observed import EnvAction, Observed
+from gavel_env.ontology import Ontology, default_ontology
+
+__all__ = ["PlanningAgent"]
+
+Floats = NDArray[np.float64]
+
+
+class PlanningAgent:
+    """An agent that plans over its believed graph and executes task by task."""
+
+    def __init__(
+        self,
+        name: str,
+        config: MethodConfig,
+        *,
+        understanding: Understanding,
+        model: ChatModel | None,
+        prior: Prior,
+        profile: Profile = Profile.PAPER,
+        ontology: Ontology | None = None,
+    ) -> None:
+        """Configure the pipeline.
+
+        Args:
+            name: shown in tables.
+            config: the method.
+            understanding: shared by all methods of a comparison.
+            model: the planner; None for methods that ask none.
+            prior: where objects of a category usually are.
+            profile: rules profile of the environment.
+            ontology: affordances (default: the shipped ones).
+        """
+        self.name = name
+        self.config = config
+        self.trace = AgentTrace()
+        self._understanding = understanding
+        self._model = model
+        self._prior = prior
+        self._profile = profile
+        self._ontology = ontology or default_ontology()
+        self._travel: TravelModel | None = None
+
+    # --- lines 1-18: understand and plan ---------------------------------------------------------------------------
+
+    def reset(self, observation: Any, info: dict[str, Any]) -> None:
+        """Understand the instruction, believe, plan and order."""
+        observed: Observed = info["observed"]
+        self.trace = AgentTrace(tasks=[], order=[], seconds={}, prompts=[], completions=[])
+        self._binder = Binder()
+        self._running: deque[Action] = deque()
+        self._sent: Action | None = None
+        self._order: list[int] = []
+        self._remaining: list[int] = []
+        if self._travel is None or self._travel.layout is not observed.layout:
+            self._travel = TravelModel(observed.layout)
+        with stage(self.trace, "understand"):
+            understood = self._understanding.understand(observed.instruction)
+        if not understood.tasks:
+            self.trace.stopped = f"not understood: {understood.refused}"
+            return
+        self._tasks = understood.tasks
+        world = observed.graph.world
+        self._graph = believed_graph(
+            world.rooms, world.connections, self._tasks, self._ontology, observed.graph.robot_room
+        )
+        self._belief = Belief.initial(self._graph, observed.layout, self._travel.rooms, self._prior)
+        self._belief = self._belief.update(self._graph, observed, self._binder.bound)
+        self._planned = self._plan(str(info.get("instruction_id", "")), observed)
+        self._remaining = list(range(len(self._tasks)))
+        self._order = self._remaining if self.config.order == "written" else self._reorder(observed)
+
+    def _plan(self, instruction_id: str, observed: Observed) -> Planned:
+        start = self._place(observed)
+        beliefs, cells = self._cost_view(observed)
+        travel = self._travel
+        assert travel is not None
+
+        def cost(_: SceneGraph, plan: Any) -> float:
+            return travel.rollout(plan, start, beliefs, cells).metres
+
+        problem = Problem(
+            instruction_id,
+            observed.instruction,
+            self._tasks,
+            self._graph,
+            self._belief.likely(),
+            cost,
+            self._profile,
+        )
+        if self.config.source == "edits":
+            return edited_plans(problem, self.trace)
+        assert self._model is not None
+        return proposed_plans(problem, self.config, self._model, self.trace)
+
+    # --- lines 19-30: order, execute, update -----------------------------------------------------------------------
+
+    def act(self, observation: Any, info: dict[str, Any]) -> EnvAction | None:
+        """Take in what the last action showed; return the next one, or None when all tasks are done."""
+        observed: Observed = info["observed"]
+        if self._sent is not None:
+            if observed.outcome != "ok":
+                self.trace.stopped = f"{self._sent} was refused: {observed.outcome}"
+                return None
+            self._take_in(self._sent, observed)
+            self._sent = None
+        while not self._running:
+            if not self._order:
+                return None
+            if self.config.order == "every_task" and self.trace.order:
+                self._order = self._reorder(observed)
+            task = self._order.pop(0)
+            self._remaining.remove(task)
+            self.trace.order.append(task)
+            self._running.extend(self._planned.plans[task])
+        self._sent = self._running.popleft()
+        return self._binder.send(self._sent, self._graph, observed, self._belief.priors())
+
+    def _take_in(self, action: Action, observed: Observed) -> None:
+        """Advance the believed graph by f(G, a), bind what was reached, and update B <- Upsilon(B, a, z)."""
+        self._binder.arrived(action, self._graph, observed)
+        for node, instance in self._binder.bound.items():
+            room = observed.graph.room_of(instance)
+            if node not in self._graph.supports and room is not None and instance != observed.graph.holding:
+                self._graph = self._graph.place(node, Support(Relation.FLOOR, room))
+        if first_violation(self._graph, action, self._profile) is None:
+            self._graph = apply(self._graph, action)
+        self._graph = msgspec.structs.replace(self._graph, robot_room=observed.graph.robot_room)
+        self._graph = observe_flags(self._graph, observed.graph, self._binder.bound)
+        self._belief = self._belief.update(self._graph, observed, self._binder.bound)
+
+    def _reorder(self, observed: Observed) -> list[int]:
+        """Return the cheapest ordering of the remaining tasks whose concatenation validates (the cheapest if none)."""
+        with stage(self.trace, "order"):
+            tasks = list(self._remaining)
+            if len(tasks) < 2:
+                return tasks
+            beliefs, cells = self._cost_view(observed)
+            plans = [self._planned.plans[i] for i in tasks]
+            assert self._travel is not None
+            costs = expected_costs(self._travel, plans, self._place(observed), beliefs, cells)
+            goal = _union([self._tasks[i] for i in tasks])
+            cheapest: tuple[int, ...] | None = None
+            for order in orderings(costs):
+                cheapest = cheapest or order
+                joined: Plan = tuple(action for j in order for action in plans[j])
+                if validate(self._graph, joined, goal, profile=self._profile).valid:
+                    return [tasks[j] for j in order]
+            assert cheapest is not None
+            return [tasks[j] for j in cheapest]
+
+    def _place(self, observed: Observed) -> Place:
+        assert self._travel is not None
+        return self._travel.at(observed.cell)
+
+    def _cost_view(self, observed: Observed) -> tuple[dict[str, Floats], dict[str, int]]:
+        """Return the beliefs that the cost model sees, and the map cells of what is localised."""
+        cells: dict[str, int] = {}
+        for node in self._graph.world.nodes:
+            instance = self._binder.destination(node, self._graph, observed)
+            if instance is not None and instance in observed.positions:
+                x, y = observed.positions[instance]
+                cell = observed.layout.nearest_reachable(x, y, observed.graph.room_of(instance))
+                if cell is not None:
+                    cells[node] = cell
+        beliefs = {node: self._belief[node] for node in self._graph.world.nodes if node not in cells}
+        if self.config.belief == "argmax":
+            beliefs = {node: _most_likely(belief) for node, belief in beliefs.items()}
+        return beliefs, cells
+
+
+def _most_likely(belief: Floats) -> Floats:
+    """Collapse a belief to its most likely room, one-hot."""
+    out = np.zeros_like(belief)
+    out[int(np.argmax(belief))] = 1.0
+    return out
+
+
+def _union(tasks: list[TaskUnderstanding]) -> Goal:
+    goal = Goal()
+    for task in tasks:
+        goal = goal | task.goal
+    return goal
