@@ -134,6 +134,12 @@ class Ontology(Mapping[str, Category]):
     def __len__(self) -> int:
         return len(self._categories)
 
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+    def __hash__(self) -> int:
+        return id(self)
+
 
 _TRAILING_INDEX = re.compile(r"_\d+$")
 
