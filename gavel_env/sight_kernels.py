@@ -11,8 +11,14 @@ from numpy.typing import NDArray
 from gavel_env.kernels import Bools, Floats, Ints, compiled
 
 __all__ = [
+    "any_seen_near",
+    "frontier_centres",
+    "hiding_cells",
     "line_clear",
+    "look",
     "reach_cells",
+    "viewpoints",
+    "watching_cells",
 ]
 
 
@@ -100,3 +106,251 @@ def reach_cells(
                 found[count] = row * width + column
                 count += 1
     return found[:count].copy()
+
+
+@compiled
+def watching_cells(
+    opaque: Bools, rooms: NDArray[np.int16], room: int, rectangle: Floats, within: float, margin: float
+) -> Ints:
+    """Return the floor cells of a room whose sight reveals a rectangle: those within `within` of it.
+
+    For a rectangle in the wall, the distance counts from the floor of the room that is nearest to it.
+
+    Args:
+        opaque: (height, width).
+        rooms: (height, width) room index.
+        room: index of the room that the piece belongs to.
+        rectangle: (6,) as in `stamp_rectangle`.
+        within: cells.
+        margin: cells; a rectangle that is farther than this from all floor of its room has no watching cells.
+
+    Returns:
+        (n,) flat indices, ascending.
+    """
+    height, width = opaque.shape
+    x, y, cosine, sine, half_depth, half_width = rectangle
+    span_x = abs(cosine) * half_depth + abs(sine) * half_width + within + margin + 1.0
+    span_y = abs(sine) * half_depth + abs(cosine) * half_width + within + margin + 1.0
+    first_row, last_row = max(0, int(y - span_y)), min(height, int(y + span_y) + 1)
+    first_column, last_column = max(0, int(x - span_x)), min(width, int(x + span_x) + 1)
+    capacity = max(0, last_row - first_row) * max(0, last_column - first_column)
+    cells = np.empty(capacity, np.int32)
+    away = np.empty(capacity)
+    count = 0
+    for row in range(first_row, last_row):
+        for column in range(first_column, last_column):
+            if opaque[row, column] or rooms[row, column] != room:
+                continue
+            dx, dy = column + 0.5 - x, row + 0.5 - y
+            along = max(0.0, abs(dx * cosine + dy * sine) - half_depth)
+            across = max(0.0, abs(dy * cosine - dx * sine) - half_width)
+            cells[count] = row * width + column
+            away[count] = np.hypot(along, across)
+            count += 1
+    if count == 0:
+        return np.empty(0, np.int32)
+    nearest = away[:count].min()
+    if nearest > margin:
+        return np.empty(0, np.int32)
+    return cells[:count][away[:count] <= nearest + within].copy()
+
+
+@compiled
+def look(
+    opaque: Bools,
+    rooms: NDArray[np.int16],
+    origin: int,
+    heading: float,
+    half_angle: float,
+    far: float,
+    seen: Bools,
+    room_seen: Ints,
+    starts: Ints,
+    watched: Ints,
+    spotted: Bools,
+    fresh: Ints,
+) -> int:
+    """Take one picture: mark the floor that a wedge of rays sees until they meet a wall.
+
+    Args:
+        opaque: (height, width).
+        rooms: (height, width) room index.
+        origin: flat index of the camera's cell.
+        heading: radians, clockwise from x.
+        half_angle: half the opening angle, radians.
+        far: range in cells, to the centre of a cell.
+        seen: (height, width), changed in place.
+        room_seen: (rooms,) count of seen cells, changed in place.
+        starts: (cells + 1,) where each cell's entries in `watched` begin.
+        watched: pieces that each cell reveals, all cells in a row.
+        spotted: (pieces,), changed in place.
+        fresh: (pieces,) receives the pieces that this picture reveals first.
+
+    Returns:
+        How many entries of `fresh` were written.
+    """
+    height, width = opaque.shape
+    row0, column0 = origin // width, origin % width
+    rays = int(np.ceil(2.0 * half_angle * far / 0.75)) + 1
+    count = 0
+    for ray in range(rays):
+        angle = heading + half_angle * (2.0 * ray / max(1, rays - 1) - 1.0)
+        dx, dy = np.cos(angle), np.sin(angle)
+        row, column = row0, column0
+        step_column, step_row = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
+        per_column = abs(1.0 / dx) if dx != 0.0 else np.inf
+        per_row = abs(1.0 / dy) if dy != 0.0 else np.inf
+        to_column, to_row = 0.5 * per_column, 0.5 * per_row
+        while 0 <= row < height and 0 <= column < width and not opaque[row, column]:
+            if not seen[row, column]:
+                if (row - row0) ** 2 + (column - column0) ** 2 > far * far:
+                    break
+                seen[row, column] = True
+                room_seen[rooms[row, column]] += 1
+                cell = row * width + column
+                for k in range(starts[cell], starts[cell + 1]):
+                    piece = watched[k]
+                    if not spotted[piece]:
+                        spotted[piece] = True
+                        fresh[count] = piece
+                        count += 1
+            if to_column < to_row:
+                if to_column > far:
+                    break
+                column += step_column
+                to_column += per_column
+            else:
+                if to_row > far:
+                    break
+                row += step_row
+                to_row += per_row
+    return count
+
+
+@compiled
+def any_seen_near(seen: Bools, rooms: NDArray[np.int16], cell: int, within: float) -> bool:
+    """Tell whether floor of the cell's room was seen within a distance (in cells) of it."""
+    height, width = seen.shape
+    row0, column0 = cell // width, cell % width
+    room = rooms[row0, column0]
+    span = int(within)
+    for row in range(max(0, row0 - span), min(height, row0 + span + 1)):
+        for column in range(max(0, column0 - span), min(width, column0 + span + 1)):
+            near = (row - row0) ** 2 + (column - column0) ** 2 <= within * within
+            if near and seen[row, column] and rooms[row, column] == room:
+                return True
+    return False
+
+
+@compiled
+def hiding_cells(floor_cells: Ints, seen: Bools, rooms: NDArray[np.int16], within: float) -> Ints:
+    """Return the unseen cells around which nothing was seen either: only there can an unseen object be.
+
+    Args:
+        floor_cells: (n,) flat indices of one room's floor.
+        seen: (height, width).
+        rooms: (height, width) room index.
+        within: cells.
+    """
+    width = seen.shape[1]
+    found = np.empty(floor_cells.size, np.int32)
+    count = 0
+    for cell in floor_cells:
+        if not seen[cell // width, cell % width] and not any_seen_near(seen, rooms, cell, within):
+            found[count] = cell
+            count += 1
+    return found[:count].copy()
+
+
+@compiled
+def frontier_centres(floor_cells: Ints, seen: Bools, given_up: Bools, least: int) -> Ints:
+    """Cluster the frontier of a room and return the member nearest to each cluster's centroid.
+
+    A frontier cell is unseen floor that touches seen floor; cells given up are left out. Clusters smaller than `least`
+    are dropped if any is larger.
+
+    Args:
+        floor_cells: (n,) flat indices of one room's floor, ascending.
+        seen: (height, width).
+        given_up: (height, width).
+        least: cells.
+
+    Returns:
+        (clusters,) flat indices.
+    """
+    height, width = seen.shape
+    open_cell = np.zeros((height, width), np.bool_)
+    for cell in floor_cells:
+        row, column = cell // width, cell % width
+        if seen[row, column] or given_up[row, column]:
+            continue
+        for step in range(4):
+            row1, column1 = row + (0, 1, 0, -1)[step], column + (1, 0, -1, 0)[step]
+            if 0 <= row1 < height and 0 <= column1 < width and seen[row1, column1]:
+                open_cell[row, column] = True
+    centres = np.empty(floor_cells.size, np.int32)
+    sizes = np.empty(floor_cells.size, np.int32)
+    queue = np.empty(floor_cells.size, np.int32)
+    count = 0
+    for start in floor_cells:
+        if not open_cell[start // width, start % width]:
+            continue
+        open_cell[start // width, start % width] = False
+        queue[0] = start
+        head, tail = 0, 1
+        sum_row, sum_column = 0, 0
+        while head < tail:
+            row, column = queue[head] // width, queue[head] % width
+            head += 1
+            sum_row += row
+            sum_column += column
+            for row1 in range(max(0, row - 1), min(height, row + 2)):
+                for column1 in range(max(0, column - 1), min(width, column + 2)):
+                    if open_cell[row1, column1]:
+                        open_cell[row1, column1] = False
+                        queue[tail] = row1 * width + column1
+                        tail += 1
+        best, best_away = queue[0], np.inf
+        for k in range(tail):
+            away = (queue[k] // width - sum_row / tail) ** 2 + (queue[k] % width - sum_column / tail) ** 2
+            if away < best_away:
+                best, best_away = queue[k], away
+        centres[count], sizes[count] = best, tail
+        count += 1
+    centres, sizes = centres[:count], sizes[:count]
+    if count and sizes.max() >= least:
+        centres = centres[sizes >= least]
+    return centres.copy()
+
+
+@compiled
+def viewpoints(reachable: Bools, opaque: Bools, cell: int, near: float, far: float) -> Ints:
+    """Return the reachable cells that see a cell: those within `near` of it, else all those within `far`.
+
+    Args:
+        reachable: (height, width).
+        opaque: (height, width).
+        cell: flat index.
+        near: cells.
+        far: cells.
+
+    Returns:
+        (n,) flat indices; empty if the cell cannot be seen from anywhere.
+    """
+    height, width = opaque.shape
+    row0, column0 = cell // width, cell % width
+    nothing_spared = np.array([-1e6, -1e6, 1.0, 0.0, 0.0, 0.0])
+    for distance in (near, far):
+        span = int(distance)
+        found = np.empty((2 * span + 1) ** 2, np.int32)
+        count = 0
+        for row in range(max(0, row0 - span), min(height, row0 + span + 1)):
+            for column in range(max(0, column0 - span), min(width, column0 + span + 1)):
+                if not reachable[row, column] or (row - row0) ** 2 + (column - column0) ** 2 > distance * distance:
+                    continue
+                if line_clear(opaque, column + 0.5, row + 0.5, column0 + 0.5, row0 + 0.5, nothing_spared):
+                    found[count] = row * width + column
+                    count += 1
+        if count:
+            return found[:count].copy()
+    return np.empty(0, np.int32)
