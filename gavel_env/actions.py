@@ -57,6 +57,7 @@ _ALIASES = {
     "placeontopof": Primitive.PLACE_ON_TOP,
     "puton": Primitive.PLACE_ON_TOP,
     "putontop": Primitive.PLACE_ON_TOP,
+    "putontopof": Primitive.PLACE_ON_TOP,
     "placein": Primitive.PLACE_INSIDE,
     "placeinto": Primitive.PLACE_INSIDE,
     "putin": Primitive.PLACE_INSIDE,
