@@ -212,7 +212,8 @@ def _place(relation: Relation) -> Effect:
     def effect(graph: SceneGraph, y: str) -> SceneGraph:
         held = graph.holding
         assert held is not None
-        return msgspec.structs.replace(graph.place(held, Support(relation, y)), holding=None)
+        placed = msgspec.structs.replace(graph.place(held, Support(relation, y)), holding=None)
+        return placed if graph.category(y).openable else _chill(placed, y)
 
     return effect
 
@@ -225,12 +226,16 @@ def _open(graph: SceneGraph, y: str) -> SceneGraph:
 
 
 def _close(graph: SceneGraph, y: str) -> SceneGraph:
-    graph = graph.with_flag(Flag.OPEN, frozenset((y,)), value=False)
+    return _chill(graph.with_flag(Flag.OPEN, frozenset((y,)), value=False), y)
+
+
+def _chill(graph: SceneGraph, y: str) -> SceneGraph:
+    """Freeze what is in a cold source that needs no switch: once its door is shut, or at once if it has none."""
     cold = graph.category(y).cold
-    if cold is not None and cold.freezes and not cold.requires_toggled_on:
-        chilled = [o for o in _within(graph, y, inside_only=True) if graph.category(o).freezable]
-        graph = graph.with_flag(Flag.FROZEN, frozenset(chilled))
-    return graph
+    if cold is None or not cold.freezes or cold.requires_toggled_on:
+        return graph
+    chilled = [o for o in _within(graph, y, inside_only=True) if graph.category(o).freezable]
+    return graph.with_flag(Flag.FROZEN, frozenset(chilled))
 
 
 def _toggle_on(graph: SceneGraph, y: str) -> SceneGraph:
