@@ -1,0 +1,129 @@
+"""Eq. (5) minimised exactly: every permutation, Held-Karp, and the search cost of the paper."""
+
+from __future__ import annotations
+
+import itertools
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gavel_agents.cost import TravelModel
+from gavel_agents.ordering import Costs, expected_costs, held_karp, orderings
+from gavel_env.actions import parse_action
+from gavel_env.geometry import known_layout
+from gavel_env.scenes import load_scene
+
+
+def random_costs(count: int, seed: int) -> Costs:
+    rng = np.random.default_rng(seed)
+    pairwise = rng.uniform(0.0, 20.0, (count, count))
+    np.fill_diagonal(pairwise, 0.0)
+    return Costs(rng.uniform(0.0, 20.0, count), pairwise)
+
+
+def total(costs: Costs, order: tuple[int, ...]) -> float:
+    metres = costs.first_cost[order[0]]
+    for position in range(1, len(order)):
+        metres += costs.pairwise_cost[order[position - 1], order[position]]
+    return float(metres)
+
+
+@given(st.integers(1, 6), st.integers(0, 10_000))
+@settings(max_examples=60, deadline=None)
+def test_orderings_are_all_permutations_by_increasing_cost(count: int, seed: int) -> None:
+    costs = random_costs(count, seed)
+    found = list(orderings(costs))
+    assert sorted(found) == sorted(itertools.permutations(range(count)))
+    values = [total(costs, order) for order in found]
+    assert values == sorted(values)
+    assert values == pytest.approx([costs.ordering_cost(order) for order in found])
+
+
+@given(st.integers(2, 7), st.integers(0, 10_000))
+@settings(max_examples=40, deadline=None)
+def test_held_karp_finds_the_enumerated_optimum(count: int, seed: int) -> None:
+    costs = random_costs(count, seed)
+    best = min(total(costs, order) for order in itertools.permutations(range(count)))
+    assert total(costs, held_karp(costs)) == pytest.approx(best)
+
+
+def test_beyond_enumeration_the_optimum_comes_first_and_neighbours_follow() -> None:
+    costs = random_costs(10, 3)
+    found = list(orderings(costs))
+    assert found[0] == held_karp(costs)
+    values = [total(costs, order) for order in found]
+    assert values == sorted(values)
+    assert len(found) == len(set(found)) == 82
+
+
+@pytest.fixture(scope="module")
+def travel() -> TravelModel:
+    return TravelModel(known_layout(load_scene("Rs_int")))
+
+
+def kappa(travel: TravelModel, rooms: list[int], first_m: float, k: int) -> float:
+    """kappa_k of the paper, term by term."""
+    metres = first_m
+    for m in range(k):
+        metres += travel.search_m[rooms[m]] + travel.room_m[rooms[m], rooms[m + 1]]
+    return float(metres + travel.found_fraction * travel.search_m[rooms[k]])
+
+
+def test_search_cost_is_the_papers_expectation(travel: TravelModel) -> None:
+    start = travel.at(travel.layout.start)
+    belief = np.array([0.1, 0.4, 0.0, 0.3, 0.2])
+    rooms = [1, 3, 4, 0]
+    first = float(start.to_rooms_m[1])
+    expected = sum(belief[r] * kappa(travel, rooms, first, k) for k, r in enumerate(rooms)) / belief.sum()
+    assert travel.search_cost(start, belief) == pytest.approx(expected)
+
+
+def test_equal_beliefs_are_searched_nearest_first(travel: TravelModel) -> None:
+    start = travel.at(travel.layout.start)
+    belief = np.full(len(travel.rooms), 1.0 / len(travel.rooms))
+    rooms = [int(i) for i in np.argsort(start.to_rooms_m)]
+    first = float(start.to_rooms_m[rooms[0]])
+    expected = np.mean([kappa(travel, rooms, first, k) for k in range(len(rooms))])
+    assert travel.search_cost(start, belief) == pytest.approx(float(expected))
+
+
+def test_search_cost_does_not_depend_on_the_scale_of_the_belief(travel: TravelModel) -> None:
+    start = travel.at(travel.layout.start)
+    belief = np.array([0.1, 0.4, 0.0, 0.3, 0.2])
+    assert travel.search_cost(start, belief) == pytest.approx(travel.search_cost(start, belief * 0.25))
+
+
+def test_a_second_visit_is_driven_not_searched(travel: TravelModel) -> None:
+    start = travel.at(travel.layout.start)
+    one_hot = np.eye(len(travel.rooms))
+    beliefs = {"cup": one_hot[0], "shelf": one_hot[3]}
+    once = travel.rollout([parse_action("NAVIGATE_TO(cup)")], start, beliefs, {})
+    there_and_back = [parse_action(f"NAVIGATE_TO({x})") for x in ("cup", "shelf", "cup")]
+    cost = travel.rollout(there_and_back, start, beliefs, {})
+    search_shelf = travel.room_m[0, 3] + travel.found_fraction * travel.search_m[3]
+    assert cost.metres == pytest.approx(once.metres + search_shelf + travel.room_m[3, 0])
+    assert cost.found == {"cup", "shelf"}
+
+
+def test_pairwise_costs_start_where_the_first_task_ends(travel: TravelModel) -> None:
+    one_hot = np.eye(len(travel.rooms))
+    beliefs = MappingProxyType({"a": one_hot[0], "b": one_hot[4]})
+    plans = [[parse_action("NAVIGATE_TO(a)")], [parse_action("NAVIGATE_TO(b)")]]
+    costs = expected_costs(travel, plans, travel.at(travel.layout.start), beliefs, {})
+    half = travel.found_fraction
+    assert costs.pairwise_cost[0, 1] == pytest.approx(travel.room_m[0, 4] + half * travel.search_m[4])
+    assert costs.pairwise_cost[1, 0] == pytest.approx(travel.room_m[4, 0] + half * travel.search_m[0])
+    assert costs.first_cost[1] == pytest.approx(
+        travel.layout.distance_to_room(travel.layout.start, travel.rooms[4]) + half * travel.search_m[4]
+    )
+
+
+def test_a_localised_object_costs_its_shortest_path(travel: TravelModel) -> None:
+    layout = travel.layout
+    cell = layout.room_points["bedroom_0"]
+    assert cell is not None
+    cost = travel.rollout([parse_action("NAVIGATE_TO(bed)")], travel.at(layout.start), {}, {"bed": cell})
+    assert cost.metres == pytest.approx(layout.distance(layout.start, (cell,)))
