@@ -172,7 +172,8 @@ def check_scene(scene: Scene, place: str) -> None:
             raise SceneError(f"{place}: {piece.id} is in room {piece.room!r}; rooms are {', '.join(sorted(rooms))}")
         if piece.on is not None and piece.on not in pieces:
             raise SceneError(f"{place}: {piece.id} stands on {piece.on!r}, which is no piece of this scene")
+    holders = pieces | {i.id for i in scene.items}
     for item in scene.items:
-        known = rooms if item.relation == "floor" else pieces | {i.id for i in scene.items}
+        known = rooms if item.relation == "floor" else holders
         if item.holder not in known:
             raise SceneError(f"{place}: {item.id} is {item.relation} {item.holder!r}, which is not in this scene")

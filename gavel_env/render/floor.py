@@ -8,11 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gavel_env.render.canvas import Canvas, Mask, softened
+from gavel_env.render.canvas import Canvas, Mask, Place, softened
 from gavel_env.render.style import INK_SOFT, SILL, WALL, Floor, floor_of
-from gavel_env.scenes import Opening, RoomOutline, Scene
+from gavel_env.scenes import Furniture, Opening, RoomOutline, Scene
 
 __all__ = ["door_leaf", "draw_house"]
+
+Point = tuple[float, float]
 
 _OUTER_WALL_M = 0.11
 _WALL_GAP_M = 0.34  # rooms nearer to each other than this have a wall between them, not outdoors
@@ -126,14 +128,12 @@ def _draw_opening(canvas: Canvas, opening: Opening, scene: Scene, walls: Mask) -
     length_m = math.hypot(bx - ax, by - ay)
     if length_m < 1e-6:
         return
-    reach_x, reach_y = -(by - ay) / length_m * _DOORWAY_REACH_M, (bx - ax) / length_m * _DOORWAY_REACH_M
-    cut = [
-        (ax + reach_x, ay + reach_y),
-        (bx + reach_x, by + reach_y),
-        (bx - reach_x, by - reach_y),
-        (ax - reach_x, ay - reach_y),
-    ]
+    normal_x, normal_y = -(by - ay) / length_m, (bx - ax) / length_m
     first, second = (next(room for room in scene.rooms if room.id == name) for name in opening.rooms)
+    cut = []
+    for ends, side in ((((ax, ay), (bx, by)), 1), (((bx, by), (ax, ay)), -1)):
+        reach_m = _reach_to_floor((first, second), ends, (side * normal_x, side * normal_y))
+        cut += [(x + side * normal_x * reach_m, y + side * normal_y * reach_m) for x, y in ends]
     # Only the wall between the two rooms is cut, not a corner or an outer wall near by.
     region, (left, top) = canvas.window(cut, round(_WALL_GAP_M * canvas.view.pixels_per_m))
     small = Canvas(canvas.image[region], canvas.view.shifted(left, top))
@@ -150,30 +150,65 @@ def _draw_opening(canvas: Canvas, opening: Opening, scene: Scene, walls: Mask) -
         canvas.line([leaf[0], leaf[-1]], WALL, 0.04)
 
 
-def door_leaf(opening: Opening, scene: Scene) -> list[tuple[float, float]]:
-    """Return the sector that a doorway's leaf sweeps into the smaller room: hinge, then the arc from shut to open.
-
-    Empty for open sides and for doorways too wide for one leaf. The sources do not say how doors are hung.
-    """
-    (ax, ay), (bx, by) = opening.segment
-    length_m = math.hypot(bx - ax, by - ay)
-    if opening.kind == "open" or not 1e-6 < length_m <= _LARGEST_LEAF_M:
-        return []
-    first, second = (next(room for room in scene.rooms if room.id == name) for name in opening.rooms)
-    inner = first if first.area_m2 <= second.area_m2 else second
-    normal_x, normal_y = -(by - ay) / length_m, (bx - ax) / length_m
-    middle_x, middle_y = (ax + bx) / 2, (ay + by) / 2
-    side = 1.0 if _holds(inner, middle_x + normal_x * 0.3, middle_y + normal_y * 0.3) else -1.0
-    start = math.atan2(by - ay, bx - ax)
-    swing = side * math.pi / 2
-    arc = [
-        (ax + length_m * math.cos(start + swing * step / 16), ay + length_m * math.sin(start + swing * step / 16))
-        for step in range(17)
-    ]
-    return [(ax, ay), *arc]
+def _reach_to_floor(rooms: tuple[RoomOutline, RoomOutline], ends: tuple[Point, Point], normal: Point) -> float:
+    """Return how far from the segment, along the normal, the floor of a room begins (at most `_DOORWAY_REACH_M`)."""
+    (ax, ay), (bx, by) = ends
+    for step in range(1, round(_DOORWAY_REACH_M / 0.02)):
+        reach_m = 0.02 * step
+        spots = [
+            (ax + (bx - ax) * t + normal[0] * reach_m, ay + (by - ay) * t + normal[1] * reach_m)
+            for t in (0.2, 0.5, 0.8)
+        ]
+        if all(any(_holds(room, *spot) for room in rooms) for spot in spots):
+            return reach_m + 0.02
+    return _DOORWAY_REACH_M
 
 
 def _holds(room: RoomOutline, x: float, y: float) -> bool:
     """True if a point lies on the room's floor."""
     outline = np.array(room.polygon, np.float32).reshape(-1, 1, 2)
     return bool(cv2.pointPolygonTest(outline, (float(x), float(y)), False) >= 0)
+
+
+def door_leaf(opening: Opening, scene: Scene) -> list[tuple[float, float]]:
+    """Return the sector that a doorway's leaf sweeps: hinge, then the arc from shut to open.
+
+    The sources do not say how doors are hung: of the four ways, the first is taken that stays on the floor of one room
+    and clear of its furniture. Empty if there is none, for open sides, and for doorways too wide for one leaf.
+    """
+    first_end, second_end = opening.segment
+    length_m = math.dist(first_end, second_end)
+    if opening.kind == "open" or not 1e-6 < length_m <= _LARGEST_LEAF_M:
+        return []
+    rooms = sorted((room for room in scene.rooms if room.id in opening.rooms), key=lambda r: (r.area_m2, r.id))
+    for room in rooms:
+        pieces = [piece for piece in scene.furniture if piece.room == room.id and piece.blocks]
+        for hinge, latch in ((first_end, second_end), (second_end, first_end)):
+            start = math.atan2(latch[1] - hinge[1], latch[0] - hinge[0])
+            for turn in (math.pi / 2, -math.pi / 2):
+                angles = [start + turn * step / 16 for step in range(17)]
+                arc = [(hinge[0] + length_m * math.cos(a), hinge[1] + length_m * math.sin(a)) for a in angles]
+                if _is_clear(room, pieces, hinge, arc):
+                    return [hinge, *arc]
+    return []
+
+
+def _is_clear(
+    room: RoomOutline, pieces: list[Furniture], hinge: tuple[float, float], arc: list[tuple[float, float]]
+) -> bool:
+    """True if a leaf can swing along the arc: past the wall's thickness it is on the room's floor, off its pieces."""
+    outline = np.array(room.polygon, np.float32).reshape(-1, 1, 2)
+    boxes = [
+        np.array(Place(p.x, p.y, p.yaw).box(0, 0, p.size_m[0], p.size_m[1]), np.float32).reshape(-1, 1, 2)
+        for p in pieces
+    ]
+    for step, (x, y) in enumerate(arc[3:], start=3):
+        for share in (0.5, 1.0):
+            spot = (float(hinge[0] + (x - hinge[0]) * share), float(hinge[1] + (y - hinge[1]) * share))
+            # The fully open leaf may lie along a wall, whose face can be a little off the doorway's end.
+            slack = 0.12 if step > 12 or share < 1 else 0.0
+            if cv2.pointPolygonTest(outline, spot, True) < -slack:
+                return False
+            if any(cv2.pointPolygonTest(box, spot, False) >= 0 for box in boxes):
+                return False
+    return True

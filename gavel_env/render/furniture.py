@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from gavel_env.render.canvas import Canvas, Place, softened
@@ -11,6 +12,8 @@ from gavel_env.scenes import Furniture, Scene
 __all__ = ["draw_furniture", "drawing_order"]
 
 _LINE_M = 0.014
+_SMALLEST_FIXTURE_M = 0.2  # switches, sockets and alarms are left out
+_FLAT_PLANT_M, _TALL_PLANT_M = 0.15, 1.9
 _THIN_M = 0.14  # wall-mounted pieces up to this depth are drawn solid
 
 
@@ -38,7 +41,8 @@ def draw_furniture(canvas: Canvas, scene: Scene) -> None:
     pieces = drawing_order(scene)
     _draw_shadows(canvas, [piece for piece in pieces if piece.blocks])
     for piece in pieces:
-        _draw_piece(canvas, piece)
+        if piece.mount == "floor" or max(piece.size_m[:2]) >= _SMALLEST_FIXTURE_M:
+            _draw_piece(canvas, piece)
 
 
 def _draw_shadows(canvas: Canvas, pieces: list[Furniture]) -> None:
@@ -46,7 +50,8 @@ def _draw_shadows(canvas: Canvas, pieces: list[Furniture]) -> None:
     for piece in pieces:
         shift = 0.015 + 0.035 * min(piece.size_m[2], 2.0)
         place = Place(piece.x + shift * 0.7, piece.y + shift, piece.yaw)
-        outlines.append(place.box(0, 0, piece.size_m[0], piece.size_m[1], 0.05))
+        shape = place.oval if kind_of(piece.category) in (Kind.PLANT, Kind.LAMP) else place.box
+        outlines.append(shape(0, 0, piece.size_m[0], piece.size_m[1]))
     canvas.blend(softened(canvas.mask(*outlines), 0.035 * canvas.view.pixels_per_m), INK, 0.34)
 
 
@@ -57,6 +62,10 @@ def _draw_piece(canvas: Canvas, piece: Furniture) -> None:
     colour = KIND_COLOURS[kind]
     if piece.mount == "carpet" or kind is Kind.CARPET:
         _draw_carpet(canvas, place, depth, width, colour)
+    elif kind is Kind.PLANT:
+        _draw_plant(canvas, place, piece, colour)
+    elif kind is Kind.LAMP and piece.mount == "floor":
+        _draw_lamp(canvas, place, piece, colour)
     elif piece.mount == "ceiling":
         size = min(depth, width, 0.35)
         canvas.line(place.oval(0, 0, size, size), _mix(colour, INK, 0.35), _LINE_M, closed=True)
@@ -69,7 +78,7 @@ def _draw_piece(canvas: Canvas, piece: Furniture) -> None:
         radius = 0.06 if min(depth, width) > 0.3 else 0.02
         outline = place.box(0, 0, depth, width, radius)
         canvas.polygon(outline, colour)
-        _GLYPHS[kind](canvas, place, piece, colour)
+        _GLYPHS.get(kind, _plain)(canvas, place, piece, colour)
         canvas.line(outline, _mix(colour, INK, 0.55), _LINE_M, closed=True)
         if kind in _WITH_FRONT and min(depth, width) > 0.3:
             tip, base = depth / 2 - 0.025, depth / 2 - 0.075
@@ -213,18 +222,31 @@ def _screen(canvas: Canvas, place: Place, piece: Furniture, colour: Rgb) -> None
     canvas.line([place.world(front, -width * 0.44), place.world(front, width * 0.44)], (150, 206, 232), 0.03)
 
 
-def _lamp(canvas: Canvas, place: Place, piece: Furniture, colour: Rgb) -> None:
-    size = min(piece.size_m[0], piece.size_m[1])
-    canvas.disc((place.x, place.y), size * 0.75, (255, 236, 170), 0.5)
-    canvas.polygon(place.oval(0, 0, size, size), colour)
-    canvas.polygon(place.oval(0, 0, size * 0.5, size * 0.5), (255, 246, 214))
-
-
-def _plant(canvas: Canvas, place: Place, piece: Furniture, colour: Rgb) -> None:
+def _draw_lamp(canvas: Canvas, place: Place, piece: Furniture, colour: Rgb) -> None:
     depth, width = piece.size_m[0], piece.size_m[1]
-    for i, (u, v) in enumerate(((-0.2, 0.0), (0.2, 0.05), (0.0, 0.22), (0.02, -0.22), (0.0, 0.0))):
-        leaf = place.oval(u * depth, v * width, depth * 0.5, width * 0.5)
-        canvas.polygon(leaf, _mix(colour, PAPER if i % 2 else INK, 0.16))
+    canvas.disc((place.x, place.y), max(depth, width) * 0.8, (255, 236, 170), 0.5)
+    shade = place.oval(0, 0, depth, width)
+    canvas.polygon(shade, colour)
+    canvas.polygon(place.oval(0, 0, depth * 0.5, width * 0.5), (255, 246, 214))
+    canvas.line(shade, _mix(colour, INK, 0.55), _LINE_M, closed=True)
+
+
+def _draw_plant(canvas: Canvas, place: Place, piece: Furniture, colour: Rgb) -> None:
+    """Draw a plant as a crown of leaves: see-through if taller than a person; as ground if flat."""
+    depth, width, height = piece.size_m
+    if height < _FLAT_PLANT_M:
+        canvas.polygon(place.box(0, 0, depth, width, 0.1), colour, 0.35)
+        return
+    alpha = 0.55 if height > _TALL_PLANT_M else 1.0
+    lobes = 7
+    for ring, (share, mix) in enumerate(((0.31, 0.12), (0.17, -0.14))):
+        for i in range(lobes):
+            angle = 2 * math.pi * (i + 0.5 * ring) / lobes
+            u, v = share * depth * math.cos(angle), share * width * math.sin(angle)
+            leaf = place.oval(u, v, depth * (0.38 - 0.1 * ring), width * (0.38 - 0.1 * ring))
+            shade = mix + 0.06 * (i % 2)
+            canvas.polygon(leaf, _mix(colour, INK if shade > 0 else PAPER, abs(shade)), alpha)
+    canvas.polygon(place.oval(0, 0, min(depth * 0.16, 0.35), min(width * 0.16, 0.35)), _mix(colour, INK, 0.4), alpha)
 
 
 _WITH_FRONT = frozenset({Kind.STORAGE, Kind.APPLIANCE})
@@ -232,14 +254,8 @@ _WITH_FRONT = frozenset({Kind.STORAGE, Kind.APPLIANCE})
 _GLYPHS: dict[Kind, Callable[[Canvas, Place, Furniture, Rgb], None]] = {
     Kind.STORAGE: _storage,
     Kind.APPLIANCE: _appliance,
-    Kind.TABLE: _plain,
     Kind.SEAT: _seat,
     Kind.BED: _bed,
     Kind.BATH: _bath,
     Kind.SCREEN: _screen,
-    Kind.LAMP: _lamp,
-    Kind.PLANT: _plant,
-    Kind.CARPET: _plain,
-    Kind.OPENING: _plain,
-    Kind.OTHER: _plain,
 }

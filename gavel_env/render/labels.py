@@ -48,7 +48,7 @@ class _Block(NamedTuple):
 def _block(lines: tuple[_Line, ...], upright: bool = False) -> _Block:
     """Set lines of text; `upright` turns them to be read from below."""
     boxes = [text_size(*line) for line in lines]
-    leading = [round(0.28 * max(line.size, before.size)) for before, line in pairwise(lines)]
+    leading = [round((0.42 if line.size < before.size else 0.28) * before.size) for before, line in pairwise(lines)]
     width = max(box[0] for box in boxes) + 2
     height = sum(box[1] for box in boxes) + sum(leading) + boxes[-1][2]
     tile = np.zeros((height + 2 * lines[0].size, width + 2 * lines[0].size, 3), np.uint8)
@@ -201,16 +201,15 @@ def _room_lines(title: str, area_m2: float, size: int) -> Iterator[tuple[tuple[_
     area = _Line(f"{area_m2:.1f} m²", max(9, round(size * 0.62)), 400)
     name = _Line(title, size, 600)
     yield (name, area), False
-    if " " in title:
-        first, rest = title.split(" ", 1)
-        yield (_Line(first, size, 600), _Line(rest, size, 600), area), False
+    for parts in _broken(title)[:1]:
+        yield (*(_Line(part, size, 600) for part in parts), area), False
     if size < 15:
         yield (name,), False
         yield (name,), True
 
 
 def _darker(colour: Rgb) -> Rgb:
-    red, green, blue = (round(c * 0.42 + k * 0.12) for c, k in zip(colour, INK, strict=True))
+    red, green, blue = (round(c * 0.3 + k * 0.2) for c, k in zip(colour, INK, strict=True))
     return red, green, blue
 
 

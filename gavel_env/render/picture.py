@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+from pathlib import Path
+
 import cv2
 import numpy as np
 
 from gavel_env.errors import SceneError
-from gavel_env.render.canvas import Canvas, Image, Viewport, text_size, write
+from gavel_env.render.canvas import Canvas, Image, Viewport, blend_into, text_size, write
 from gavel_env.render.floor import draw_house
 from gavel_env.render.furniture import draw_furniture
 from gavel_env.render.labels import draw_labels
-from gavel_env.render.style import INK, INK_SOFT, KIND_COLOURS, PAPER, Kind, kind_of, words
+from gavel_env.render.style import INK, INK_SOFT, KIND_COLOURS, PAPER, Kind, Rgb, kind_of, words
 from gavel_env.scenes import Scene
 
-__all__ = ["ScenePicture", "draw_scene"]
+__all__ = ["ScenePicture", "draw_scene", "save_png"]
 
 _SUPERSAMPLING = 2
 _LONGEST_SIDE_PX = 1400
 _SCALE_RANGE = (16.0, 110.0)  # pixels per metre that are chosen without being asked for
 _MARGIN_PX, _HEADER_PX, _BARE_MARGIN_PX = 44, 88, 20
-_LEGEND_ROW_PX, _FOOTER_PX = 24, 56
+_LEGEND_ROW_PX, _FOOTER_PX, _CAPTION_ROW_PX = 24, 56, 22
 _SMALLEST_WIDTH_PX = 560
+_DARK: Rgb = (66, 68, 88)  # over floor that was not seen
 
 
 class ScenePicture:
@@ -31,9 +35,11 @@ class ScenePicture:
         pixels_per_m: scale; None = such that the longer side of the house is about 1,400 pixels.
         labels: write the names of rooms and pieces.
         legend: add title, scale bar and legend.
+        caption_lines: lines of text to keep room for under the house.
 
     Attributes:
         background: (height, width, 3) uint8 RGB, read-only.
+        caption_at: pixel (column, row) of the upper left corner of the room for captions.
         view: the map from metres to pixels of `background`.
 
     Raises:
@@ -41,7 +47,13 @@ class ScenePicture:
     """
 
     def __init__(
-        self, scene: Scene, *, pixels_per_m: float | None = None, labels: bool = True, legend: bool = True
+        self,
+        scene: Scene,
+        *,
+        pixels_per_m: float | None = None,
+        labels: bool = True,
+        legend: bool = True,
+        caption_lines: int = 0,
     ) -> None:
         if not scene.rooms:
             raise SceneError(f"scene {scene.scene!r} has no rooms; nothing can be drawn")
@@ -58,11 +70,24 @@ class ScenePicture:
         rows = _legend_rows(scene, width - 2 * _MARGIN_PX) if legend else []
         top = _HEADER_PX if legend else margin
         bottom = _FOOTER_PX + _LEGEND_ROW_PX * len(rows) if legend else margin
-        height = round(float(extent[1]) * scale) + top + bottom
+        house_px = round(float(extent[1]) * scale)
+        self.caption_lines = caption_lines
+        self.caption_at = (margin, top + house_px + 20)
+        caption_px = _CAPTION_ROW_PX * caption_lines + 8 if caption_lines else 0
+        height = house_px + top + bottom + caption_px
         left = (width - float(extent[0]) * scale) / 2
         self.view = Viewport((float(low[0]), float(low[1])), scale, (left, float(top)), (width, height))
         self.background = self._draw(labels, rows, bottom if legend else 0)
         self.background.setflags(write=False)
+
+    @cached_property
+    def dimmed(self) -> Image:
+        """The background with every floor in the dark, read-only: what is shown of floor not yet seen."""
+        image = self.background.copy()
+        floor = Canvas(image, self.view).mask(*(room.polygon for room in self.scene.rooms))
+        blend_into(image, floor, _DARK, 0.42)
+        image.setflags(write=False)
+        return image
 
     def _draw(self, labels: bool, legend: list[list[Kind]], footer_px: int) -> Image:
         large = self.view.scaled(_SUPERSAMPLING)
@@ -151,3 +176,21 @@ def draw_scene(scene: Scene, *, pixels_per_m: float | None = None, labels: bool 
         SceneError: the scene has no rooms, or pixels_per_m is not positive.
     """
     return ScenePicture(scene, pixels_per_m=pixels_per_m, labels=labels, legend=legend).background.copy()
+
+
+def save_png(image: Image, path: Path) -> None:
+    """Write a picture as a PNG file.
+
+    Args:
+        image: (height, width, 3) uint8 RGB.
+        path: where to; the folder must exist.
+
+    Raises:
+        SceneError: the file cannot be written.
+    """
+    encoded, data = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    assert encoded, "OpenCV encodes any uint8 picture as PNG"
+    try:
+        path.write_bytes(data.tobytes())
+    except OSError as error:
+        raise SceneError(f"picture {path} cannot be written: {error.strerror}") from error
