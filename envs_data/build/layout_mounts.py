@@ -14,7 +14,6 @@ from envs_data.build.layout_place import (
     Poses,
     RoomLayout,
     floor_poses,
-    grown,
     place_corner,
     rect_of,
     wall_poses,
@@ -122,7 +121,7 @@ def _choose(layout: RoomLayout, piece: Piece, poses: Poses, score: Floats, ok: B
     order = index[np.lexsort((index, np.round(poses.x[index], 3), np.round(poses.y[index], 3), np.round(score[index], 4)))]
     for i in order[:200].tolist():
         rect = (float(poses.rects[i][0]), float(poses.rects[i][1]), float(poses.rects[i][2]), float(poses.rects[i][3]))
-        if reach and not layout.space.reachable(grown(rect, REACH_M)):
+        if reach and not layout.space.reachable(rect, REACH_M):
             continue
         layout.placed.append(Placed(piece, float(poses.x[i]), float(poses.y[i]), int(poses.yaw[i]), z))
         layout.rects.append(rect)

@@ -38,6 +38,8 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         near: category -> categories that it is put near.
         stands_on: category -> categories that it stands on, best first.
         spin: categories that may turn a side to the wall.
+        hubs: room types that one walks through, first the one that others hang on (generated outlines).
+        hangs_on: room type -> room types that its door leads to, best first (generated outlines).
     """
 
     format: Literal["gavel-layout-rules/1"]
@@ -50,6 +52,8 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     near: dict[str, tuple[str, ...]]
     stands_on: dict[str, tuple[str, ...]]
     spin: tuple[str, ...]
+    hubs: tuple[str, ...]
+    hangs_on: dict[str, tuple[str, ...]]
 
 
 class Piece(NamedTuple):

@@ -20,6 +20,7 @@ __all__ = ["Placed", "RoomLayout", "furnish", "rect_of"]
 Floats = NDArray[np.float64]
 
 TRIES = 60
+ATTEMPTS = 12
 ACCESS_M = 0.9
 CHAIR_TUCK = 0.45
 
@@ -88,7 +89,7 @@ class RoomLayout:
             rect = _rect(poses.rects[i])
             yaw = int(poses.yaw[i])
             front = front_of(rect, yaw, 0.55)
-            reach = front_of(rect, yaw, ACCESS_M, side_m=0.15) if access == "front" else grown(rect, ACCESS_M)
+            reach = front_of(rect, yaw, ACCESS_M, side_m=0.15) if access == "front" else grown(rect, ACCESS_M + 0.2 * self.space.tight)
             if self.space.add(rect, reach, front if access == "front" else None):
                 self.placed.append(Placed(piece, round(float(poses.x[i]), 3), round(float(poses.y[i]), 3), yaw))
                 self.rects.append(rect)
@@ -331,7 +332,7 @@ def place_table_at_wall(layout: RoomLayout, piece: Piece) -> bool:
 
 def place_chair(layout: RoomLayout, piece: Piece) -> bool:
     """At the table or desk with the most room per chair, facing it, tucked a little under it."""
-    tables = layout.indices("table", "desk")
+    tables = layout.indices("table", "desk") or layout.indices("coffee_table")
     if piece.category == "swivel_chair":
         first = [i for i in tables if layout.placed[i].piece.role == "desk"]
         tables = first + [i for i in tables if i not in first] if first else tables
@@ -394,6 +395,8 @@ def chair_poses(layout: RoomLayout, piece: Piece, table: int) -> tuple[Poses, Fl
 def place_lounge(layout: RoomLayout, piece: Piece) -> bool:
     """An armchair or ottoman near the sofa group, facing it; in a corner without one."""
     anchors = layout.indices("coffee_table") or layout.indices("sofa")
+    if not anchors and layout.indices("table"):
+        return place_chair(layout, piece)
     if anchors:
         walls = wall_poses(layout, piece, 0.5)
         free = floor_poses(layout, piece)
@@ -474,28 +477,42 @@ ORDERS: tuple[tuple[str, ...], ...] = (
 )
 
 
-def furnish(space: Callable[[], RoomSpace], pieces: Sequence[Piece]) -> RoomLayout:
+def furnish(space: Callable[[bool], RoomSpace], pieces: Sequence[Piece], tight: bool) -> RoomLayout:
     """Put the floor pieces of a room down, in the order that leaves the fewest out.
 
     Args:
-        space: makes the empty room afresh for each attempt.
+        space: makes the empty room afresh for each attempt, comfortable (False) or tight (True).
         pieces: what stands on the floor.
+        tight: whether tight aisles may be tried where comfortable ones leave pieces out.
     """
     best: RoomLayout | None = None
-    for attempt in range(2 * len(ORDERS)):
-        layout = _attempt(space(), pieces, ORDERS[attempt // 2], tables_at_wall=attempt % 2 == 1)
-        if best is None or len(layout.left) < len(best.left):
-            best = layout
-        if not best.left or len(pieces) > 150:
-            break
+    first: list[tuple[str, str]] = []
+    for narrow in (False, True) if tight else (False,):
+        for attempt in range(ATTEMPTS):
+            order = ORDERS[attempt // 2 % len(ORDERS)]
+            layout = _attempt(space(narrow), pieces, order, attempt % 2 == 1, first if attempt >= 2 * len(ORDERS) else [])
+            if best is None or _loss(layout) < _loss(best):
+                best = layout
+            if not best.left or len(pieces) > 100:
+                return best
+            first = sorted({p.key for p in layout.left}) + [k for k in first if k not in {p.key for p in layout.left}]
     assert best is not None
     return best
 
 
-def _attempt(space: RoomSpace, pieces: Sequence[Piece], order: Sequence[str], tables_at_wall: bool) -> RoomLayout:
+def _loss(layout: RoomLayout) -> tuple[int, float]:
+    return len(layout.left), round(sum(p.area_m2 for p in layout.left), 4)
+
+
+def _attempt(
+    space: RoomSpace, pieces: Sequence[Piece], order: Sequence[str], tables_at_wall: bool, first: Sequence[tuple[str, str]]
+) -> RoomLayout:
     layout = RoomLayout(space)
     rank = {role: i for i, role in enumerate(order)}
-    ordered = sorted(pieces, key=lambda p: (rank[p.role], -round(p.area_m2, 3), p.category, p.model))
+    early = {key: i - len(first) for i, key in enumerate(first)}
+    ordered = sorted(
+        pieces, key=lambda p: (early.get(p.key, 0), rank[p.role], -round(p.area_m2, 3), p.category, p.model)
+    )
     failed: set[tuple[str, str]] = set()
     for piece in ordered:
         placer = place_table_at_wall if piece.role == "table" and tables_at_wall else PLACERS[piece.role]

@@ -26,7 +26,9 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 CLEARANCE_M = 0.31
+TIGHT_CLEARANCE_M = 0.27
 KEEPOUT_M = 0.55
+TIGHT_KEEPOUT_M = 0.4
 STRIP_M = 0.75
 OPEN_PORTAL_M = 0.9
 WALL_GAP_M = 0.02
@@ -70,7 +72,7 @@ def _portal_line(opening: Opening) -> Any:
     return LineString([line.interpolate(spare), line.interpolate(line.length - spare)])
 
 
-def keepout_of(opening: Opening, depth_m: float = KEEPOUT_M) -> Any:
+def keepout_of(opening: Opening, depth_m: float) -> Any:
     """Return the floor around an opening that furniture leaves free, on both sides of it."""
     return _portal_line(opening).buffer(depth_m, cap_style=BufferCapStyle.flat)
 
@@ -82,14 +84,18 @@ class RoomSpace:
         polygon: floor of the room.
         openings: openings that lead into it.
         house: union of all rooms' floors (what is outside is wall).
+        tight: leave just enough room for the robot instead of a comfortable aisle.
     """
 
-    def __init__(self, polygon: Any, openings: Sequence[Opening], house: Any) -> None:
+    def __init__(self, polygon: Any, openings: Sequence[Opening], house: Any, tight: bool = False) -> None:
         self.polygon = polygon
         self.house = house
         shapely.prepare(self.polygon)
         shapely.prepare(self.house)
-        self.keepout = unary_union([keepout_of(o) for o in openings]) if openings else Polygon()
+        self.tight = tight
+        self.clearance_m = TIGHT_CLEARANCE_M if tight else CLEARANCE_M
+        depth = TIGHT_KEEPOUT_M if tight else KEEPOUT_M
+        self.keepout = unary_union([keepout_of(o, depth) for o in openings]) if openings else Polygon()
         shapely.prepare(self.keepout)
         self.rects: list[Rect] = []
         self.fronts: list[Rect] = []
@@ -139,7 +145,7 @@ class RoomSpace:
     def _main(self, floor: NDArray[np.uint8], check: bool = True) -> Bools:
         """Return the cells where the robot can be, connected with every opening; all False if one is cut off."""
         distance = np.asarray(cv2.distanceTransform(floor, cv2.DIST_L2, cv2.DIST_MASK_PRECISE))
-        free = (distance * self.cell > CLEARANCE_M).astype(np.uint8)
+        free = (distance * self.cell > self.clearance_m).astype(np.uint8)
         _, labels, stats, _ = cv2.connectedComponentsWithStats(free, connectivity=4)
         if not self._portals:
             if len(stats) < 2:
@@ -221,9 +227,19 @@ class RoomSpace:
             self.fronts.append(front)
         return True
 
-    def reachable(self, access: Rect) -> bool:
-        """Return whether the robot can stand somewhere in this rectangle, inside the room."""
-        return bool((self.main & self.inside)[self._slices(access)].any())
+    def reachable(self, rect: Rect, reach_m: float) -> bool:
+        """Return whether the robot can stand within reach of a footprint, in this room and not behind a wall."""
+        x0, y0, x1, y1 = rect
+        rows, columns = self._slices((x0 - reach_m, y0 - reach_m, x1 + reach_m, y1 + reach_m))
+        row, column = np.nonzero((self.main & self.inside)[rows, columns])
+        x = self._x0 + (column + columns.start + 0.5) * self.cell
+        y = self._y0 + (row + rows.start + 0.5) * self.cell
+        nx, ny = np.clip(x, x0, x1), np.clip(y, y0, y1)
+        away = np.hypot(x - nx, y - ny)
+        order = np.argsort(away, kind="stable")
+        order = order[away[order] <= reach_m][::7][:40]
+        lines = shapely.linestrings(np.stack([np.stack([x, y], 1), np.stack([nx, ny], 1)], axis=1)[order])
+        return bool(len(order)) and bool(shapely.covers(self.polygon, lines).any())
 
     def wall_lines(self) -> list[WallLine]:
         """Return the straight walls of the room, each with where it really is wall."""
@@ -262,10 +278,6 @@ class RoomSpace:
         """Bounding box of the room."""
         x0, y0, x1, y1 = self.polygon.bounds
         return float(x0), float(y0), float(x1), float(y1)
-
-    def outer(self) -> Any:
-        """Return the room's floor as a prepared polygon (for questions outside this class)."""
-        return self.polygon
 
     @staticmethod
     def shape(rect: Rect) -> Any:

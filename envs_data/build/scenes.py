@@ -17,6 +17,8 @@ from typing import Any
 import msgspec
 from shapely.ops import unary_union
 
+from envs_data.build.layout_checks import check_layout
+from envs_data.build.layout_generate import generated_outline
 from envs_data.build.layout_items import assign_items
 from envs_data.build.layout_mounts import mount_all
 from envs_data.build.layout_outline import Outline, measured_outline, measured_scenes, polygon_of
@@ -32,26 +34,46 @@ SCENES = Path(__file__).resolve().parent.parent / "scenes"
 BUILDING = "part of the building; the room outlines stand for it"
 DOOR = "door leaf; its doorway is an opening that stands open"
 NO_FLOOR = "the source gives this room no floor"
+ENLARGE = 5
 NO_PLACE = "no free place at real size that keeps the room passable"
-
-
-def outline_of(scene: str, contents: tuple[Contents, ...]) -> Outline:
-    """Return the rooms and openings of a scene: measured where a floor plan exists, else generated."""
-    if scene in measured_scenes():
-        return measured_outline(scene)
-    from envs_data.build.layout_generate import generated_outline
-
-    return generated_outline(scene, contents)
 
 
 def build_scene(name: str) -> Scene:
     """Lay out one scene.
 
+    A measured outline is taken as it is. In a generated one, rooms whose pieces do not fit are enlarged by a tenth and
+    the scene is laid out again, at most `ENLARGE` times.
+
     Raises:
         UnknownScene: bddl has no such scene.
     """
     contents = contents_of(name)
-    outline = outline_of(name, contents)
+    if name in measured_scenes():
+        return _build(name, contents, measured_outline(name))
+    grown: dict[str, float] = {}
+    for _ in range(ENLARGE):
+        scene = _build(name, contents, generated_outline(name, contents, grown))
+        full = {n.room for n in scene.not_placed if n.reason == NO_PLACE}
+        if not full:
+            break
+        for room in sorted(full):
+            grown[room] = round(grown.get(room, 1.0) * 1.1, 4)
+    return scene
+
+
+def _build(name: str, contents: tuple[Contents, ...], outline: Outline) -> Scene:
+    """Lay out one scene on an outline; rooms that fail the independent checks are done again with wider aisles."""
+    roomy: set[str] = set()
+    while True:
+        scene = _assemble(name, contents, outline, roomy)
+        where = {f.id: f.room for f in scene.furniture} | {r.id: r.id for r in scene.rooms}
+        wrong = {where[p.subject] for p in check_layout(scene) if p.subject in where} - roomy
+        if not wrong:
+            return scene
+        roomy |= wrong
+
+
+def _assemble(name: str, contents: tuple[Contents, ...], outline: Outline, roomy: set[str]) -> Scene:
     polygons = {room.id: polygon_of(room) for room in outline.rooms}
     house = unary_union([polygons[r] for r in sorted(polygons)])
     left: Counter[tuple[str, str, str, str]] = Counter()
@@ -66,7 +88,7 @@ def build_scene(name: str) -> Scene:
                 left[(piece.room, piece.category, piece.model, reason)] += 1
         if room.room not in polygons:
             continue
-        layouts[room.room] = _lay_out(room, outline, polygons, house)
+        layouts[room.room] = _lay_out(room, outline, polygons, house, room.room not in roomy)
         loose += [p for p in room.pieces if p.group == "item"]
         for piece in layouts[room.room].left:
             left[(piece.room, piece.category, piece.model, NO_PLACE)] += 1
@@ -90,10 +112,10 @@ def build_scene(name: str) -> Scene:
     return scene
 
 
-def _lay_out(room: Contents, outline: Outline, polygons: dict[str, Any], house: Any) -> RoomLayout:
+def _lay_out(room: Contents, outline: Outline, polygons: dict[str, Any], house: Any, tight: bool) -> RoomLayout:
     openings = [o for o in outline.openings if room.room in o.rooms]
     standing = [p for p in room.pieces if p.group == "furniture" and p.role not in ("wall", "ceiling", "carpet", "top")]
-    layout = furnish(lambda: RoomSpace(polygons[room.room], openings, house), standing)
+    layout = furnish(lambda narrow: RoomSpace(polygons[room.room], openings, house, narrow), standing, tight)
     mount_all(layout, [p for p in room.pieces if p.group in ("furniture", "scenery")])
     return layout
 
