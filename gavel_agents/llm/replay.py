@@ -1,0 +1,193 @@
+"""Record and replay: every completion stored under the hash of (model, decoding, prompt).
+
+A recording is a gzip-compressed JSON Lines file; concatenating two recordings merges them. Replays are bit-exact, need
+no model, and fail with the missing prompt's hash instead of inventing an answer.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+
+import msgspec
+
+from gavel_agents.llm.base import ChatModel, Completion, Message, Prompt
+from gavel_env.errors import DataError, GavelError
+
+__all__ = ["NotRecorded", "Recorded", "RecordingModel", "ReplayModel", "completion_key", "read_recording"]
+
+
+class NotRecorded(GavelError):
+    """A prompt is not in the recording."""
+
+
+class Recorded(msgspec.Struct, frozen=True):
+    """One stored completion, with what it answered.
+
+    Attributes:
+        key: `completion_key` of what follows.
+        model: name of the model.
+        decoding: its decoding parameters.
+        instruction_id: which instruction the prompt was about.
+        attempt: 0 for a first proposal.
+        text: the raw answer.
+        prompt_tokens, completion_tokens: as the backend counted them.
+        seconds: as measured when it was recorded.
+    """
+
+    key: str
+    model: str
+    decoding: dict[str, str | float | int]
+    instruction_id: str
+    attempt: int
+    text: str
+    prompt_tokens: int
+    completion_tokens: int
+    seconds: float
+
+
+def completion_key(model: str, decoding: Mapping[str, str | float | int], messages: Sequence[Message]) -> str:
+    """Return the SHA-256 (32 hexadecimal digits) of model, decoding and conversation."""
+    content = msgspec.json.encode([model, dict(sorted(decoding.items())), messages], order="sorted")
+    return hashlib.sha256(content).hexdigest()[:32]
+
+
+def read_recording(path: str | Path) -> Iterator[Recorded]:
+    """Yield the completions of a recording; a torn last line (a killed run) is passed over.
+
+    Raises:
+        DataError: unreadable, or malformed before its last line.
+    """
+    try:
+        content = _unpacked(Path(path).read_bytes())
+    except OSError as error:
+        raise DataError(f"recording {path} cannot be read: {error.strerror}") from error
+    lines = content.split(b"\n")
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            yield msgspec.json.decode(line, type=Recorded)
+        except msgspec.DecodeError as error:
+            if number == len(lines):
+                return
+            raise DataError(f"{path}:{number}: malformed recording: {error}") from error
+
+
+def _unpacked(packed: bytes) -> bytes:
+    """Decompress as many whole gzip members as there are; a torn last one is passed over."""
+    import zlib
+
+    out = bytearray()
+    while packed:
+        stream = zlib.decompressobj(zlib.MAX_WBITS | 16)
+        try:
+            part = stream.decompress(packed)
+        except zlib.error as error:
+            raise DataError(f"a recording holds something that is not gzip: {error}") from error
+        if not stream.eof:
+            break
+        out += part
+        packed = stream.unused_data
+    return bytes(out)
+
+
+class ReplayModel:
+    """Answers from a recording: `replay:PATH`, or `replay:NAME` for a shipped one."""
+
+    def __init__(self, path: str) -> None:
+        """Read the recording.
+
+        Raises:
+            DataError: unreadable, malformed, empty, or of several models.
+        """
+        self._path = path if Path(path).exists() else str(shipped_recording(path))
+        self._completions = {r.key: r for r in read_recording(self._path)}
+        models = {(r.model, tuple(sorted(r.decoding.items()))) for r in self._completions.values()}
+        if len(models) != 1:
+            names = ", ".join(sorted(model for model, _ in models)) or "none"
+            raise DataError(f"recording {self._path} must hold the completions of one model; it holds: {names}")
+        [(self.name, decoding)] = models
+        self.decoding: Mapping[str, str | float | int] = dict(decoding)
+
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
+        """Return the recorded completions.
+
+        Raises:
+            NotRecorded: says which prompt, and how to record it.
+        """
+        return [self._answer(p) for p in prompts]
+
+    def _answer(self, prompt: Prompt) -> Completion:
+        key = completion_key(self.name, self.decoding, prompt.messages)
+        recorded = self._completions.get(key)
+        if recorded is None:
+            raise NotRecorded(
+                f"attempt {prompt.attempt} of instruction {prompt.instruction_id!r} (prompt {key}) is not in "
+                f"{Path(self._path).name}; record it with: gavel record --planner gguf:MODEL.gguf --out {self._path}"
+            )
+        return Completion(recorded.text, recorded.prompt_tokens, recorded.completion_tokens, recorded.seconds)
+
+
+class RecordingModel:
+    """Answers from a recording where it can, else asks the model and appends what it said (one gzip member each)."""
+
+    def __init__(self, model: ChatModel, path: str | Path) -> None:
+        """Continue the recording at `path`, or begin it."""
+        self.name = model.name
+        self.decoding = model.decoding
+        self._model = model
+        self._path = Path(path)
+        self._known = {r.key: r for r in read_recording(path)} if self._path.exists() else {}
+
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
+        """Return one completion per prompt; new ones are on disk before this returns."""
+        keys = [completion_key(self.name, self.decoding, p.messages) for p in prompts]
+        missing = {key: prompt for key, prompt in zip(keys, prompts, strict=True) if key not in self._known}
+        answers = self._model.complete(list(missing.values())) if missing else []
+        for (key, prompt), answer in zip(missing.items(), answers, strict=True):
+            recorded = Recorded(
+                key,
+                self.name,
+                dict(self.decoding),
+                prompt.instruction_id,
+                prompt.attempt,
+                answer.text,
+                answer.prompt_tokens,
+                answer.completion_tokens,
+                round(answer.seconds, 3),
+            )
+            self._known[key] = recorded
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with self._path.open("ab") as file:
+                file.write(gzip.compress(msgspec.json.encode(recorded) + b"\n", mtime=0))
+        known = [self._known[key] for key in keys]
+        return [Completion(r.text, r.prompt_tokens, r.completion_tokens, r.seconds) for r in known]
+
+
+def compact(path: str | Path) -> int:
+    """Rewrite a recording sorted by instruction, attempt and key, as one gzip member; return its completions."""
+    records = {r.key: r for r in read_recording(path)}
+    ordered = sorted(records.values(), key=lambda r: (r.instruction_id, r.attempt, r.key))
+    content = b"".join(msgspec.json.encode(r) + b"\n" for r in ordered)
+    temporary = Path(f"{path}.new")
+    temporary.write_bytes(gzip.compress(content, mtime=0))
+    temporary.replace(path)
+    return len(ordered)
+
+
+def shipped_recording(name: str) -> Path:
+    """Return the path of a shipped recording.
+
+    Raises:
+        DataError: no such file; lists those that exist.
+    """
+    folder = Path(str(resources.files("envs_data") / "recordings"))
+    path = folder / f"{name}.jsonl.gz"
+    if not path.is_file():
+        known = ", ".join(sorted(p.name.removesuffix(".jsonl.gz") for p in folder.glob("*.jsonl.gz"))) or "none"
+        raise DataError(f"no recording {name!r} at this path or shipped; shipped recordings: {known}")
+    return path
