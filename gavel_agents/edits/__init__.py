@@ -1,0 +1,40 @@
+"""Model-derived edits: one table from what a verdict says to small named rules that change the plan.
+
+`VIOLATION_RULES` is keyed by the violated precondition, `LITERAL_RULES` by the predicate of an unmet goal literal,
+`SAFETY_RULES` by what the plan leaves open or on. `offers` lists the edits for a verdict, best first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from gavel_agents.edits.base import Case, Change, Edit
+from gavel_agents.edits.endings import LITERAL_RULES, SAFETY_RULES, in_order
+from gavel_agents.edits.pruning import prune
+from gavel_agents.edits.violations import VIOLATION_RULES
+from gavel_agents.validation import Verdict
+from gavel_env.dynamics import Profile
+from gavel_env.goals import Goal, Literal
+from gavel_env.graph import Flag
+
+__all__ = ["LITERAL_RULES", "SAFETY_RULES", "VIOLATION_RULES", "Case", "Change", "Edit", "offers", "prune"]
+
+
+def offers(verdict: Verdict, goal: Goal, profile: Profile = Profile.PAPER) -> Iterator[Edit]:
+    """Yield the model-derived edits of a verdict's plan, best first; none = left to the model."""
+    case = Case(verdict, goal, profile)
+    if verdict.violation is not None:
+        cause = str(verdict.violation._replace(step=None))
+        for rule in VIOLATION_RULES[verdict.violation.kind]:
+            for change in rule(case):
+                yield Edit(rule.__name__, case.step, cause, change.text, change.plan)
+        return
+    for literal in in_order([lit for lit in verdict.unmet if isinstance(lit, Literal)]):
+        for goal_rule in LITERAL_RULES[literal.predicate]:
+            for change in goal_rule(case, literal):
+                yield Edit(goal_rule.__name__, None, f"unmet {literal}", change.text, change.plan)
+    for flag, obj in verdict.unsafe:
+        for safety_rule in SAFETY_RULES[flag]:
+            for change in safety_rule(case, obj):
+                left = "left open" if flag is Flag.OPEN else "left on"
+                yield Edit(safety_rule.__name__, None, f"{left} {obj}", change.text, change.plan)
