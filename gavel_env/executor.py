@@ -7,7 +7,7 @@ id that was not observed is an unknown object, whether it exists or not.
 
 from __future__ import annotations
 
-import math
+import itertools
 from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
@@ -18,11 +18,14 @@ from numpy.typing import NDArray
 from gavel_env.actions import Action, Primitive
 from gavel_env.config import DEFAULT_ROBOT, RobotConfig
 from gavel_env.dynamics import Profile, Violation, ViolationKind, apply, first_violation
-from gavel_env.geometry import Indices, Route, floor_map
-from gavel_env.graph import Relation, SceneGraph, World
+from gavel_env.geometry import Indices, floor_map
+from gavel_env.graph import SceneGraph
+from gavel_env.ontology import Ontology, default_ontology
+from gavel_env.places import Places
+from gavel_env.robot import Robot
 from gavel_env.scenes import Scene
 from gavel_env.search import RoomSearch, check_search_prior, next_room
-from gavel_env.sensor import Sensor, revealed
+from gavel_env.sensor import observed_part, revealed
 
 __all__ = ["Accepts", "Executor", "ObservedState", "Outcome"]
 
@@ -84,6 +87,7 @@ class Executor:
         robot: body, camera and search habits.
         rng: decides where on the floor of a room the movables lie that start there.
         profile: rules profile.
+        ontology: which categories can be searched for; default: the shipped one.
     """
 
     def __init__(
@@ -93,22 +97,20 @@ class Executor:
         robot: RobotConfig = DEFAULT_ROBOT,
         rng: np.random.Generator | None = None,
         profile: Profile = Profile.PAPER,
+        ontology: Ontology | None = None,
     ) -> None:
         self.floor = floor_map(scene, robot)
         self.profile = profile
-        self.sensor = Sensor(self.floor)
-        self.cell = self.floor.start
-        self.heading = 0.0
-        self.metres = 0.0
-        self.searched: list[str] = []
-        self._hidden = msgspec.structs.replace(hidden, robot_room=self._room(), near=frozenset())
-        self._spots = self._floor_spots(rng or np.random.default_rng(0))
+        self._ontology = ontology or default_ontology()
+        self._robot = Robot(self.floor, self._see)
+        self._hidden = msgspec.structs.replace(hidden, robot_room=self._robot.room, near=frozenset())
+        self._places = Places(self.floor, hidden, rng or np.random.default_rng(0))
         self._observed: dict[str, None] = {}
-        self._unseen_spots = dict(self._spots)
-        self._driven: list[Indices] = []
-        self._stand_and_scan()
+        self._unseen_spots = dict(self._places.spots)
+        self._searched: list[str] = []
+        self._robot.scan()
         self._note_searched()
-        self._graph = self._project()
+        self._graph = observed_part(self._hidden, self._observed)
 
     @property
     def hidden(self) -> SceneGraph:
@@ -118,9 +120,11 @@ class Executor:
     @property
     def observed(self) -> ObservedState:
         """Return what the robot knows now."""
-        seen = self.sensor.seen.copy()
+        seen = self._robot.sensor.seen.copy()
         seen.flags.writeable = False
-        return ObservedState(self._graph, seen, tuple(self.searched), self.cell, self.heading, self.metres)
+        return ObservedState(
+            self._graph, seen, tuple(self._searched), self._robot.cell, self._robot.heading, self._robot.metres
+        )
 
     @property
     def graph(self) -> SceneGraph:
@@ -138,7 +142,7 @@ class Executor:
             accepts: what a `NAVIGATE_TO` searches for; default: any instance of the target's category.
 
         Returns:
-            The outcome; after a violation the graph is unchanged, but a search that failed has driven and seen.
+            The outcome; a violation changes nothing, except that a search that failed has driven and seen.
 
         Raises:
             UnknownObject: `search_prior` names a room that the scene does not have.
@@ -146,55 +150,40 @@ class Executor:
         """
         if search_prior is not None:
             check_search_prior(self.floor, search_prior)
-        before = len(self._observed), len(self.searched), self.metres
-        self._driven = [np.array([self.cell], np.int32)]
+        before = len(self._observed), len(self._searched), self._robot.metres
         if action.primitive is Primitive.NAVIGATE_TO:
             bound, violation = self._navigate(action, search_prior or {}, accepts)
         else:
             bound, violation = action, self._refusal(action)
-        moved = self.metres > before[2]
+        moved = self._robot.metres > before[2]
         if violation is None:
             self._change(bound)
         elif moved:
             self._leave_near()
         if len(self._observed) > before[0]:
-            self._graph = self._project()
+            self._graph = observed_part(self._hidden, self._observed)
+        elif violation is None:
+            self._graph = apply(self._graph, bound)
         return Outcome(
             bound,
             violation,
-            self.metres - before[2],
-            np.concatenate([self._driven[0], *(cells[1:] for cells in self._driven[1:])]),
+            self._robot.metres - before[2],
+            self._robot.take_trail(),
             tuple(self._observed)[before[0] :],
-            tuple(self.searched[before[1] :]),
+            tuple(self._searched[before[1] :]),
         )
 
-    def measured_distance_m(self, obj: str) -> float | None:
-        """Return the distance that `near` is measured by, or None if nothing fixed says where the object is.
+    def measured_distance_m(self, obj: str) -> float:
+        """Return the distance that `near` is measured by, in metres; 0 for what is in the hand."""
+        return self._places.distance_m(self._hidden, obj, self._robot.cell)
 
-        From the robot's centre to the footprint of the object's nearest fixed holder (itself, for furniture), or to its
-        spot on the floor; 0 for what is in the hand.
-        """
-        anchor = self._anchor(obj)
-        x, y = self.floor.point(self.cell)
-        if anchor is None:
-            return 0.0
-        if isinstance(anchor, int):
-            spot_x, spot_y = self.floor.point(anchor)
-            return math.hypot(x - spot_x, y - spot_y)
-        cell_m = self.floor.robot.cell_m
-        centre_x, centre_y, cosine, sine, half_depth, half_width = self.floor.rectangle(anchor)
-        row, column = self.floor.cell(self.cell)
-        dx, dy = column + 0.5 - centre_x, row + 0.5 - centre_y
-        along = max(0.0, abs(dx * cosine + dy * sine) - half_depth)
-        across = max(0.0, abs(dy * cosine - dx * sine) - half_width)
-        return math.hypot(along, across) * cell_m
+    def position(self, obj: str) -> tuple[float, float]:
+        """Return x, y in metres of what holds an object up: its nearest fixed holder, its floor cell, or the robot."""
+        return self._places.position(self._hidden, obj, self._robot.cell)
 
     def stances(self, obj: str) -> Indices:
-        """Return the cells to work on an object from, (n,) flat; the robot's own for what is in the hand."""
-        anchor = self._anchor(obj)
-        if anchor is None:
-            return np.array([self.cell], np.int32)
-        return self.floor.stances_at(anchor) if isinstance(anchor, int) else self.floor.stances(anchor)
+        """Return the cells to work on an object from, (n,) flat; empty if the robot cannot get at it."""
+        return self._places.stances(self._hidden, obj, self._robot.cell)
 
     # --- preconditions and effects -------------------------------------------------------------------------------
 
@@ -206,14 +195,13 @@ class Executor:
         return first_violation(self._hidden, action, self.profile)
 
     def _change(self, action: Action) -> None:
-        """Apply an allowed action to the hidden and the observed graph, and look into what was opened."""
+        """Apply an allowed action to the hidden graph, note where things lie, and look into what was opened."""
         held = self._hidden.holding
         self._hidden = apply(self._hidden, action)
-        self._graph = apply(self._graph, action)
         if action.primitive is Primitive.GRASP and action.target is not None:
-            self._spots.pop(action.target, None)
+            self._places.spots.pop(action.target, None)
         elif action.primitive is Primitive.RELEASE and held is not None:
-            self._spots[held] = self.cell
+            self._places.spots[held] = self._robot.cell
         elif action.primitive is Primitive.OPEN and action.target is not None:
             self._observe(revealed(self._hidden, action.target))
 
@@ -221,9 +209,9 @@ class Executor:
         """Update both graphs after a drive that ended nowhere in particular."""
         held = self._hidden.holding
         near = frozenset() if held is None else frozenset((held, *self._hidden.descendants(held)))
-        self._hidden = msgspec.structs.replace(self._hidden, near=near, robot_room=self._room())
+        self._hidden = msgspec.structs.replace(self._hidden, near=near, robot_room=self._robot.room)
         seen_near = frozenset(obj for obj in near if obj in self._observed)
-        self._graph = msgspec.structs.replace(self._graph, near=seen_near, robot_room=self._room())
+        self._graph = msgspec.structs.replace(self._graph, near=seen_near, robot_room=self._robot.room)
 
     # --- driving -------------------------------------------------------------------------------------------------
 
@@ -239,7 +227,10 @@ class Executor:
             accepts = self._category_test(target)
             if accepts is None:
                 return action, Violation(ViolationKind.UNKNOWN_OBJECT, target)
-        known = [obj for obj in self._observed if accepts(obj)] or self._search(accepts, prior)
+        known = [obj for obj in self._observed if accepts(obj)]
+        if not any(self.stances(obj).size for obj in known):
+            self._search(accepts, prior)
+            known = [obj for obj in self._observed if accepts(obj)]
         if not known:
             return action, Violation(ViolationKind.NOT_FOUND, target)
         reached, violation = self._go_to_one_of(known)
@@ -247,9 +238,7 @@ class Executor:
 
     def _category_test(self, target: str) -> Accepts | None:
         """Return the default test of a search: any instance of the category; None if there is no such category."""
-        from gavel_env.ontology import default_ontology
-
-        if target not in default_ontology() and target not in self._hidden.world.by_category:
+        if target not in self._ontology:
             return None
         return lambda obj: self._hidden.world.nodes[obj].category.name == target
 
@@ -264,76 +253,48 @@ class Executor:
             refused = refused or violation
         if not stances:
             return None, refused
-        route = self.floor.route(self.cell, np.concatenate(list(stances.values())))
+        route = self.floor.route(self._robot.cell, np.concatenate(list(stances.values())))
         if route is None:
             obj = next(iter(stances))
             return obj, Violation(ViolationKind.UNREACHABLE, obj)
         reached = next(obj for obj, cells in stances.items() if route.cells[-1] in cells)
-        self._drive(route)
-        self._stand_and_scan()
+        self._robot.drive(route)
+        self._robot.scan()
         self._note_searched()
         return reached, None
 
-    def _search(self, accepts: Accepts, prior: Mapping[str, float]) -> list[str]:
-        """Search room after room until an accepted instance is seen; return those seen, empty if there is none."""
+    def _search(self, accepts: Accepts, prior: Mapping[str, float]) -> None:
+        """Search room after room until an accepted instance that can be got at is seen, or all rooms are searched."""
         tested = len(self._observed)
-        found: list[str] = []
+        found = False
 
         def is_found() -> bool:
-            nonlocal tested
-            found.extend(obj for obj in tuple(self._observed)[tested:] if accepts(obj))
+            nonlocal tested, found
+            fresh = itertools.islice(self._observed, tested, None)
+            found = found or any(accepts(obj) and self.stances(obj).size for obj in fresh)
             tested = len(self._observed)
-            return bool(found)
+            return found
 
-        while (room := next_room(self.floor, self.cell, self.searched, prior)) is not None:
-            search = RoomSearch(self.sensor, room)
+        while (room := next_room(self.floor, self._robot.cell, self._searched, prior)) is not None:
+            search = RoomSearch(self._robot.sensor, room)
 
             def stop(search: RoomSearch = search) -> bool:
                 return is_found() or search.settled()
 
-            while (route := search.next_route(self.cell)) is not None:
-                self._drive(route, stop)
-                if is_found():
-                    break
-                self._stand_and_scan()
-                search.looked(self.cell)
+            while (route := search.next_route(self._robot.cell)) is not None:
+                self._robot.drive(route, stop)
+                if not is_found():
+                    self._robot.scan()
+                    search.looked(self._robot.cell)
                 if is_found():
                     break
             self._note_searched()
             if found:
-                return found
-            if room not in self.searched:
-                self.searched.append(room)
-        return found
-
-    def _drive(self, route: Route, stop: Callable[[], bool] | None = None) -> None:
-        """Drive along a route with a picture every `camera_every_m`; `stop` may end the drive after each picture."""
-        cells = route.cells
-        if len(cells) == 1:
-            return
-        rows, columns = np.divmod(cells, self.floor.shape[1])
-        headings = np.arctan2(np.diff(rows), np.diff(columns))
-        steps_m = np.hypot(np.diff(rows), np.diff(columns)) * self.floor.robot.cell_m
-        driven_m = np.concatenate([[0.0], np.cumsum(steps_m)])
-        every_m = self.floor.robot.camera_every_m
-        pictures = np.searchsorted(driven_m, np.arange(every_m, driven_m[-1], every_m) - 1e-9)
-        end = len(cells) - 1
-        for i in pictures:
-            if i >= end:
-                break
-            self._see(self.sensor.look(int(cells[i]), float(headings[i - 1])))
-            if stop is not None and stop():
-                end = int(i)
-                break
-        self._driven.append(cells[: end + 1])
-        self.metres += self.floor.length_m(cells[: end + 1])
-        self.cell = int(cells[end])
-        self.heading = float(headings[end - 1])
+                return
+            if room not in self._searched:
+                self._searched.append(room)
 
     # --- seeing --------------------------------------------------------------------------------------------------
-
-    def _stand_and_scan(self) -> None:
-        self._see(self.sensor.scan(self.cell, self.heading))
 
     def _see(self, pieces: Iterable[str]) -> None:
         """Observe pieces with all that is seen with them, and what lies on floor that has come into view."""
@@ -342,7 +303,7 @@ class Executor:
                 self._observed.setdefault(holder)
             self._observe(revealed(self._hidden, piece))
         if self._unseen_spots:
-            for obj in [o for o, spot in self._unseen_spots.items() if self.sensor.saw_floor_near(spot)]:
+            for obj in [o for o, spot in self._unseen_spots.items() if self._robot.sensor.saw_floor_near(spot)]:
                 del self._unseen_spots[obj]
                 self._observe(revealed(self._hidden, obj))
 
@@ -352,53 +313,5 @@ class Executor:
 
     def _note_searched(self) -> None:
         for room in self.floor.room_ids:
-            if room not in self.searched and self.sensor.is_complete(room):
-                self.searched.append(room)
-
-    def _project(self) -> SceneGraph:
-        """Return the hidden graph restricted to the observed ids."""
-        hidden, observed = self._hidden, self._observed
-        world = hidden.world
-        contents = {
-            holder: kept
-            for holder, held in hidden.contents.items()
-            if holder in observed and (kept := tuple(o for o in held if o in observed))
-        }
-        return SceneGraph(
-            World.of(world.rooms, world.connections, {obj: world.nodes[obj] for obj in observed}),
-            {obj: hidden.supports[obj] for obj in observed},
-            contents,
-            tuple(frozenset(o for o in flagged if o in observed) for flagged in hidden.flags),
-            frozenset(o for o in hidden.near if o in observed),
-            hidden.holding,
-            hidden.robot_room,
-            frozenset(pair for pair in hidden.next_to if pair[0] in observed and pair[1] in observed),
-        )
-
-    # --- places --------------------------------------------------------------------------------------------------
-
-    def _room(self) -> str | None:
-        return self.floor.room_of(self.cell)
-
-    def _anchor(self, obj: str) -> str | int | None:
-        """Return what fixes an object's place: its nearest fixed holder or itself, a floor cell, or None = the hand."""
-        nodes = self._hidden.world.nodes
-        while not nodes[obj].fixed:
-            relation, holder = self._hidden.supports[obj]
-            if relation is Relation.HELD:
-                return None
-            if relation is Relation.FLOOR:
-                return self._spots[obj]
-            obj = holder
-        return obj
-
-    def _floor_spots(self, rng: np.random.Generator) -> dict[str, int]:
-        """Choose where the movables lie that start on the floor: a reachable cell of their room."""
-        spots: dict[str, int] = {}
-        for obj, (relation, room) in sorted(self._hidden.supports.items()):
-            if relation is Relation.FLOOR and not self._hidden.world.nodes[obj].fixed:
-                cells = self.floor.room_cells[room]
-                if cells.size == 0:
-                    cells = np.nonzero((self.floor.rooms == self.floor.room_index[room]).ravel())[0].astype(np.int32)
-                spots[obj] = int(rng.choice(cells))
-        return spots
+            if room not in self._searched and self._robot.sensor.is_complete(room):
+                self._searched.append(room)

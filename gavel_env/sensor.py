@@ -7,7 +7,7 @@ what stands on it or lies in it is seen with it, unless a shut door is between. 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gavel_env.geometry import FloorMap, Indices
-from gavel_env.graph import Relation, SceneGraph
+from gavel_env.graph import Relation, SceneGraph, World
 
-__all__ = ["Sensor", "Watch", "revealed", "watch"]
+__all__ = ["Sensor", "Watch", "observed_part", "revealed", "watch"]
 
 _WALL_DEPTH_M = 1.5  # a piece of a room may stand this far inside its walls and still be seen from its floor
 
@@ -163,3 +163,23 @@ def revealed(graph: SceneGraph, obj: str) -> Iterator[str]:
     for item in graph.contents.get(obj, ()):
         if not graph.world.nodes[item].fixed and not (shut and graph.supports[item].relation is Relation.INSIDE):
             yield from revealed(graph, item)
+
+
+def observed_part(graph: SceneGraph, observed: Iterable[str]) -> SceneGraph:
+    """Return a graph restricted to the observed ids, nodes in their order: z = Xi(x, G*) gathered over the episode."""
+    nodes = {obj: graph.world.nodes[obj] for obj in observed}
+    contents = {
+        holder: kept
+        for holder, held in graph.contents.items()
+        if holder in nodes and (kept := tuple(o for o in held if o in nodes))
+    }
+    return SceneGraph(
+        World.of(graph.world.rooms, graph.world.connections, nodes),
+        {obj: graph.supports[obj] for obj in nodes},
+        contents,
+        tuple(frozenset(o for o in flagged if o in nodes) for flagged in graph.flags),
+        frozenset(o for o in graph.near if o in nodes),
+        graph.holding,
+        graph.robot_room,
+        frozenset(pair for pair in graph.next_to if pair[0] in nodes and pair[1] in nodes),
+    )

@@ -26,7 +26,7 @@ __all__ = [
 def line_clear(opaque: Bools, x0: float, y0: float, x1: float, y1: float, spared: Floats) -> bool:
     """Tell whether a straight line between two points (in cells) meets no opaque cell.
 
-    Opaque cells within one cell of the rectangle `spared` do not count: a piece may stand in its wall.
+    Opaque cells within two cells of the rectangle `spared` do not count: a piece may stand in its wall.
     The walk visits every cell that the line enters, one axis at a time, so nothing slips between two diagonal walls.
 
     Args:
@@ -54,7 +54,7 @@ def line_clear(opaque: Bools, x0: float, y0: float, x1: float, y1: float, spared
             x, y = column + 0.5 - spared[0], row + 0.5 - spared[1]
             along = max(0.0, abs(x * spared[2] + y * spared[3]) - spared[4])
             across = max(0.0, abs(y * spared[2] - x * spared[3]) - spared[5])
-            if np.hypot(along, across) > 1.0:
+            if np.hypot(along, across) > 2.0:
                 return False
         if to_column < to_row:
             column += step_column
