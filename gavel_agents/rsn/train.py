@@ -1,8 +1,8 @@
 """Make the weights: phrase table, RSN and choice model, and the RSN's held-out scores for `gavel eval beliefs`.
 
-The RSN is the paper's: frozen embedding -> 256-128-64 MLP with dropout 0.2, weighted binary cross-entropy over room types, Platt
-scaling on houses held out of the fit (a sixth), then one fit on all with that calibration. A category's placements share
-one input, so the loss is summed over categories with their counts: one small batch, seconds on a CPU.
+The RSN is the paper's: frozen embedding -> 256-128-64 MLP with dropout 0.2, weighted binary cross-entropy over room
+types, Platt scaling on houses held out of the fit (a sixth), then one fit on all with that calibration. A category's
+placements share one input, so the loss is summed over categories with their counts: one small batch.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib.util
 import json
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -111,7 +112,7 @@ def _fit_layers(contents: Contents, scenes: Sequence[str], categories: Sequence[
         torch.manual_seed(seed)
         modules: list[nn.Module] = []
         widths = (phi.shape[1], *HIDDEN, len(types))
-        for narrow, wide in zip(widths[:-1], widths[1:], strict=True):
+        for narrow, wide in pairwise(widths):
             modules += [nn.Linear(narrow, wide), nn.ReLU(), nn.Dropout(DROPOUT)]
         network = nn.Sequential(*modules[:-2])
         optimiser = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, weight_decay=WEIGHT_DECAY)
@@ -119,7 +120,7 @@ def _fit_layers(contents: Contents, scenes: Sequence[str], categories: Sequence[
             logit = network(phi)
             loss = -(inside * logsigmoid(logit) + outside * logsigmoid(-logit)).sum()
             optimiser.zero_grad()
-            loss.backward()
+            loss.backward()  # type: ignore[no-untyped-call]
             optimiser.step()
     return tuple((_array(m.weight), _array(m.bias)) for m in network if isinstance(m, nn.Linear))
 
@@ -135,7 +136,8 @@ def _platt(
     counts = placements(contents, scenes, categories, model.types)
     seen = counts.sum(axis=1) > 0
     counts = counts[seen]
-    score = np.stack([model.scores(table.known(c).astype(np.float64)) for c, s in zip(categories, seen, strict=True) if s])
+    phi = [table.known(c).astype(np.float64) for c, s in zip(categories, seen, strict=True) if s]
+    score = np.stack([model.scores(vector) for vector in phi])
     score = np.clip(score, 1e-12, 1.0 - 1e-12)
     logit = np.log(score) - np.log1p(-score)
     total = counts.sum(axis=1, keepdims=True)
@@ -206,7 +208,8 @@ def train(out: Path, encoder: str, seed: int, folds: bool) -> list[str]:
     made |= dict.fromkeys(("rsn", "choice"), f"{len(categories)} categories, {int(count.sum())} placements, "
                           f"{len(scenes)} scenes, {len(trained)} room types")  # fmt: skip
     if folds:
-        notes: dict[str, Any] = {"categories": known_categories(contents), "types": room_types(contents, contents.scenes)}
+        types = room_types(contents, contents.scenes)
+        notes: dict[str, Any] = {"categories": known_categories(contents), "types": types}
         described = {"format": FOLD_FORMAT, "encoder": encoder, **{k: json.dumps(v) for k, v in notes.items()}}
         halves = {k: v.astype(np.float16) for k, v in held_out_scores(contents, table, seed).items()}
         save_file(halves, out / "rsn_folds.safetensors", described)
