@@ -24,11 +24,13 @@ class EnvAction(NamedTuple):
         primitive: which one.
         target: an observed instance id, or a designator (`fridge`, `bottom_cabinet@private_office`) to go and find.
         search_prior: room id -> weight, the order in which rooms are searched; None = nearest first.
+        other_than: observed ids that a designator does not mean, such as those that another task has already used.
     """
 
     primitive: Primitive
     target: str | None = None
     search_prior: Mapping[str, float] | None = None
+    other_than: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, action: Action, search_prior: Mapping[str, float] | None = None) -> EnvAction:
