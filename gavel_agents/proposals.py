@@ -19,7 +19,8 @@ from gavel_agents.repair import repair
 from gavel_agents.understanding import TaskUnderstanding
 from gavel_agents.validation import CostFunction, Plan, Verdict, validate
 from gavel_env.dynamics import Profile
-from gavel_env.graph import SceneGraph
+from gavel_env.goals import Goal
+from gavel_env.graph import Flag, SceneGraph
 
 __all__ = ["Planned", "edited_plans", "proposed_plans"]
 
@@ -74,9 +75,18 @@ def proposed_plans(problem: Problem, config: MethodConfig, model: ChatModel, tra
 def edited_plans(problem: Problem, trace: AgentTrace) -> Planned:
     """Synthesise plans from the difference between the believed and the goal graph alone: Repair from nothing.
 
-    States that only an appliance confers are no graph edit, so such goals stay unmet (`epog`).
+    A state that only an appliance confers is no difference of relations, so it is left out of what the edits work
+    towards; the verdict is on the whole goal (`epog`).
     """
-    return _judge(problem, [()] * len(problem.tasks), trace, repairing=True)
+    sketched = [
+        repair(problem.graph, (), _edit_goal(task.goal), cost=problem.cost, profile=problem.profile).plan
+        for task in problem.tasks
+    ]
+    return _judge(problem, sketched, trace, repairing=False)
+
+
+def _edit_goal(goal: Goal) -> Goal:
+    return Goal(tuple(lit for lit in goal.literals if lit.predicate.flag in (None, Flag.OPEN, Flag.TOGGLED)))
 
 
 def _judge(problem: Problem, plans: Sequence[Plan], trace: AgentTrace, *, repairing: bool) -> Planned:
@@ -89,7 +99,7 @@ def _judge(problem: Problem, plans: Sequence[Plan], trace: AgentTrace, *, repair
             with stage(trace, "repair"):
                 repaired = repair(problem.graph, proposed, task.goal, cost=problem.cost, profile=problem.profile)
             plan, verdict = repaired.plan, repaired.verdict
-            edits = tuple(str(edit) for edit in repaired.edits)
+            edits = repaired.trace
         else:
             plan = proposed
             verdict = validate(problem.graph, plan, task.goal, cost=problem.cost, profile=problem.profile)
