@@ -73,6 +73,13 @@ def place_in_passing(case: Case) -> Iterator[Change]:
     picked = case.held_since()
     again = case.step < len(case.plan) and case.target == held
     works = list(works_of(case, case.graph, held))
+    if case.step < len(case.plan) and case.action.primitive in DOORS + SWITCHES:
+        just_taken = picked > 0 and case.trace[picked - 1].contains(case.target, held)
+        if case.action.primitive in (Primitive.CLOSE, Primitive.TOGGLE_ON) and not just_taken:
+            for errand in errands(case, case.graph, held):
+                if errand.place == case.target:
+                    yield from _in_passing(case, errand, picked, case.step)
+        return
     for errand in works:
         # The object must be in before the appliance is run.
         runs = [t for t in range(picked, case.step) if case.plan[t] == (Primitive.TOGGLE_ON, errand.place)]
