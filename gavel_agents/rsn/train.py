@@ -8,15 +8,13 @@ placements share one input, so the loss is summed over categories with their cou
 from __future__ import annotations
 
 import importlib.util
-import json
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors.numpy import save_file
 
 from gavel_agents.rsn.choice import fit_choice
 from gavel_agents.rsn.data import (
@@ -31,6 +29,7 @@ from gavel_agents.rsn.data import (
     training_scenes,
 )
 from gavel_agents.rsn.encoder import PhraseTable
+from gavel_agents.rsn.folds import FOLD_SEED, FOLDS, HeldOut
 from gavel_agents.rsn.model import HIDDEN, RsnModel
 from gavel_agents.rsn.optimise import minimise
 from gavel_env.errors import GavelError
@@ -39,11 +38,7 @@ from gavel_env.ontology import default_ontology
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["FOLDS", "FOLD_SEED", "TorchMissing", "build_table", "fit_rsn", "held_out_scores", "train"]
-
-FOLDS = 5
-FOLD_SEED = 0
-FOLD_FORMAT = "gavel-rsn-folds/1"
+__all__ = ["TorchMissing", "build_table", "fit_rsn", "held_out_scores", "train"]
 
 EPOCHS = 400
 LEARNING_RATE = 1e-3
@@ -152,32 +147,21 @@ def _platt(
     return float(slope), float(intercept)
 
 
-def held_out_scores(contents: Contents, table: PhraseTable, seed: int) -> dict[str, NDArray[np.float32]]:
-    """Return the RSN's scores of categories in scenes that the scoring network never saw.
-
-    Returns:
-        "seen": (folds, categories, types), the network of fold f learned from all scenes but those of fold f;
-        "unseen": likewise, and the network never saw the category either.
-    """
+def held_out_scores(contents: Contents, table: PhraseTable, seed: int) -> HeldOut:
+    """Train the RSN's evaluation models, per fold of scenes one and one per fold of categories; return their scores."""
     categories = known_categories(contents)
     types = room_types(contents, contents.scenes)
-    shape = (FOLDS, len(categories), len(types))
-    scores = {"seen": np.zeros(shape, np.float32), "unseen": np.zeros(shape, np.float32)}
+    seen, unseen = (np.zeros((FOLDS, len(categories), len(types))) for _ in range(2))
     row = {c: i for i, c in enumerate(categories)}
-    hidden = category_folds(categories, FOLDS, FOLD_SEED)
+    parts = [(seen, (), categories), *((unseen, p, p) for p in category_folds(categories, FOLDS, FOLD_SEED))]
     for f, fold in enumerate(scene_folds(contents, FOLDS, FOLD_SEED)):
         scenes = [s for s in sorted(contents.scenes) if s not in fold]
-        for name, unknown, asked in [("seen", (), categories), *(("unseen", part, part) for part in hidden)]:
-            learned = [c for c in categories if c not in unknown]
-            model = fit_rsn(contents, scenes, learned, table, seed)
+        for scores, hidden, asked in parts:
+            model = fit_rsn(contents, scenes, [c for c in categories if c not in hidden], table, seed)
             for category in asked:
-                scores[name][f, row[category]] = _over_types(model, category, types, table)
-    return scores
-
-
-def _over_types(model: RsnModel, category: str, types: Sequence[str], table: PhraseTable) -> Floats:
-    by_type = model.scores_by_type(table.known(category).astype(np.float64), types, table)
-    return np.array([by_type[t] for t in types])
+                by_type = model.scores_by_type(table.known(category).astype(np.float64), types, table)
+                scores[f, row[category]] = [by_type[t] for t in types]
+    return HeldOut(categories, types, seen, unseen)
 
 
 def train(out: Path, encoder: str, seed: int, folds: bool) -> list[str]:
@@ -208,11 +192,7 @@ def train(out: Path, encoder: str, seed: int, folds: bool) -> list[str]:
     made |= dict.fromkeys(("rsn", "choice"), f"{len(categories)} categories, {int(count.sum())} placements, "
                           f"{len(scenes)} scenes, {len(trained)} room types")  # fmt: skip
     if folds:
-        types = room_types(contents, contents.scenes)
-        notes: dict[str, Any] = {"categories": known_categories(contents), "types": types}
-        described = {"format": FOLD_FORMAT, "encoder": encoder, **{k: json.dumps(v) for k, v in notes.items()}}
-        halves = {k: v.astype(np.float16) for k, v in held_out_scores(contents, table, seed).items()}
-        save_file(halves, out / "rsn_folds.safetensors", described)
+        held_out_scores(contents, table, seed).save(out, encoder)
         made["rsn_folds"] = f"{FOLDS} folds of scenes, {FOLDS} of categories"
     for name in made:
         (out / f"{name}.safetensors").chmod(0o644)
