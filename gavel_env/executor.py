@@ -8,7 +8,7 @@ id that was not observed is an unknown object, whether it exists or not.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import NamedTuple
 
 import msgspec
@@ -137,9 +137,9 @@ class Executor:
         """Run one primitive.
 
         Args:
-            action: its target is an observed instance id, or for `NAVIGATE_TO` also a category.
+            action: its target is an observed instance id, or for `NAVIGATE_TO` also a category or `category@room`.
             search_prior: weights over rooms for a search; default: nearest first.
-            accepts: what a `NAVIGATE_TO` searches for; default: any instance of the target's category.
+            accepts: what a `NAVIGATE_TO` searches for; default: any instance that fits the target.
 
         Returns:
             The outcome; a violation changes nothing, except that a search that failed has driven and seen.
@@ -223,24 +223,26 @@ class Executor:
             return action, self._go_to_one_of((target,))[1]
         if accepts is None and target in self._hidden.world.rooms:
             return action, Violation(ViolationKind.ROOM_TARGET, target)
+        category, _, room = target.partition("@")
+        if accepts is None and category not in self._ontology:
+            return action, Violation(ViolationKind.UNKNOWN_OBJECT, target)
+        rooms = [r.id for r in self._hidden.world.rooms.values() if not room or room in (r.id, r.type)]
         if accepts is None:
-            accepts = self._category_test(target)
-            if accepts is None:
-                return action, Violation(ViolationKind.UNKNOWN_OBJECT, target)
+            accepts = self._fits(category, rooms)
         known = [obj for obj in self._observed if accepts(obj)]
         if not any(self.stances(obj).size for obj in known):
-            self._search(accepts, prior)
+            self._search(accepts, prior, rooms)
             known = [obj for obj in self._observed if accepts(obj)]
         if not known:
             return action, Violation(ViolationKind.NOT_FOUND, target)
         reached, violation = self._go_to_one_of(known)
         return Action(Primitive.NAVIGATE_TO, reached or target), violation
 
-    def _category_test(self, target: str) -> Accepts | None:
-        """Return the default test of a search: any instance of the category; None if there is no such category."""
-        if target not in self._ontology:
-            return None
-        return lambda obj: self._hidden.world.nodes[obj].category.name == target
+    def _fits(self, category: str, rooms: Collection[str]) -> Accepts:
+        """Return the default test of a search: any instance of the category in one of the rooms."""
+        return lambda obj: (
+            self._hidden.world.nodes[obj].category.name == category and self._hidden.room_of(obj) in rooms
+        )
 
     def _go_to_one_of(self, candidates: Iterable[str]) -> tuple[str | None, Violation | None]:
         """Drive to the nearest stance of any accessible candidate; return which, or why none can be gone to."""
@@ -263,7 +265,7 @@ class Executor:
         self._note_searched()
         return reached, None
 
-    def _search(self, accepts: Accepts, prior: Mapping[str, float]) -> None:
+    def _search(self, accepts: Accepts, prior: Mapping[str, float], rooms: Collection[str]) -> None:
         """Search room after room until an accepted instance that can be got at is seen, or all rooms are searched."""
         tested = len(self._observed)
         found = False
@@ -275,7 +277,7 @@ class Executor:
             tested = len(self._observed)
             return found
 
-        while (room := next_room(self.floor, self._robot.cell, self._searched, prior)) is not None:
+        while (room := next_room(self.floor, self._robot.cell, self._searched, prior, rooms)) is not None:
             search = RoomSearch(self._robot.sensor, room)
 
             def stop(search: RoomSearch = search) -> bool:

@@ -40,15 +40,21 @@ def check_search_prior(floor: FloorMap, prior: Mapping[str, float]) -> None:
             raise BadSearchPrior(f"search_prior[{room!r}] is {weight!r}; weights are finite and not negative")
 
 
-def next_room(floor: FloorMap, cell: int, searched: Collection[str], prior: Mapping[str, float]) -> str | None:
-    """Return the room to search next, or None if every room that can be entered was searched.
+def next_room(
+    floor: FloorMap,
+    cell: int,
+    searched: Collection[str],
+    prior: Mapping[str, float],
+    within: Collection[str] | None = None,
+) -> str | None:
+    """Return the room to search next, or None if every room (of those `within`) that can be entered was searched.
 
     The heaviest weight goes first; equal weights, and rooms without weight, by path distance from `cell`.
     """
     here = floor.room_of(cell)
     best: tuple[float, float, int] | None = None
     for index, room in enumerate(floor.room_ids):
-        if room in searched:
+        if room in searched or (within is not None and room not in within):
             continue
         metres = 0.0 if room == here else floor.distance_to_room(cell, room)
         if metres is None:

@@ -96,6 +96,20 @@ def test_a_search_can_be_for_certain_instances() -> None:
     assert executor.graph.robot_room == "kitchen_0"
 
 
+def test_a_stated_room_is_searched_alone() -> None:
+    executor = _flat()
+    outcome = executor.step(Action(GO, "apple@kitchen"))
+    assert outcome.action == Action(GO, "apple_1")
+    lost = executor.step(Action(GO, "apple@study"))
+    assert lost.violation == Violation(ViolationKind.NOT_FOUND, "apple@study")
+    assert lost.searched == ("study_0",)
+    assert "living_room_0" not in executor.observed.searched
+    assert executor.step(Action(GO, "apple@bathroom")).metres == 0.0
+    assert executor.step(Action(GO, "aple@kitchen")).violation == Violation(
+        ViolationKind.UNKNOWN_OBJECT, "aple@kitchen"
+    )
+
+
 def test_names_that_mean_nothing_rooms_and_the_unfindable_are_refused() -> None:
     executor = _flat()
     assert executor.step(Action(GO, "frige")).violation == Violation(ViolationKind.UNKNOWN_OBJECT, "frige")
