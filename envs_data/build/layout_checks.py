@@ -1,7 +1,7 @@
 """Independent checks of a finished scene: exact geometry with shapely, none of the code that laid it out.
 
-A robot of radius `ROBOT_M` stands on the cells of a 0.1 m grid whose centres keep that distance from every wall and every
-blocking footprint; it moves between the four neighbours, and diagonally where both of the cells beside the diagonal are free.
+A robot of radius `ROBOT_M` stands on the cells of a 0.1 m grid whose centres keep that distance from every wall and
+every blocking footprint; it moves between the four neighbours, and diagonally where both cells beside it are free.
 """
 
 from __future__ import annotations
@@ -40,7 +40,14 @@ class Problem(NamedTuple):
 
 
 class FreeMap(NamedTuple):
-    """Cells that the robot's centre can be in: (n, 2) centres, (height, width) labels of connected regions (0 = none)."""
+    """Where the robot's centre can be.
+
+    Attributes:
+        origin: x, y of the grid's corner, metres.
+        label: (height, width) connected region of each free cell, 0 where the robot cannot be.
+        room: (height, width) index of the room, -1 outside.
+        walls: the walls as lines.
+    """
 
     origin: tuple[float, float]
     label: NDArray[np.int32]
@@ -69,7 +76,11 @@ def free_map(scene: Scene) -> FreeMap:
     )
     walls = unary_union([p.boundary for _, p in sorted(polygons.items())]).difference(passages)
     blocked = unary_union([footprint(f) for f in scene.furniture if f.blocks] or [Polygon()])
-    free = floor.difference(blocked).buffer(-ROBOT_M + 1e-6, quad_segs=16).difference(walls.buffer(ROBOT_M - 1e-6, quad_segs=16))
+    free = (
+        floor.difference(blocked)
+        .buffer(-ROBOT_M + 1e-6, quad_segs=16)
+        .difference(walls.buffer(ROBOT_M - 1e-6, quad_segs=16))
+    )
     x0, y0, x1, y1 = floor.bounds
     x0, y0 = np.floor(x0 / CELL_M) * CELL_M, np.floor(y0 / CELL_M) * CELL_M
     xs = x0 + (np.arange(int((x1 - x0) / CELL_M) + 1) + 0.5) * CELL_M

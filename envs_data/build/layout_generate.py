@@ -7,6 +7,7 @@ scenes take the measured outline of their `*_int` twin; the garden is laid along
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -97,7 +98,7 @@ def _type(room: str) -> str:
 
 
 def _rank(room: str, extents: Mapping[str, tuple[float, float]]) -> tuple[float, float, str]:
-    """Return the order of placing: through-rooms before the rooms that hang on them, large before small, garden last."""
+    """Return the order of placing: through-rooms first, large before small, the garden last."""
     hubs = rules().hubs
     late = 2.0 if _type(room) == "garden" else 0.0
     width, height = extents[room]
@@ -164,10 +165,8 @@ def _best_spot(plan: _Plan, name: str, extent: tuple[float, float]) -> _Spot:
     everything = taken.bounds
     for anchor in sorted(plan.rects):
         kind = _type(anchor)
-        if kind in wanted:
-            fit = float(wanted.index(kind))
-        else:
-            fit = 4.0 + (hubs.index(kind) * 0.2 if kind in hubs else 6.0)
+        through = 4.0 + (hubs.index(kind) * 0.2 if kind in hubs else 6.0)
+        fit = float(wanted.index(kind)) if kind in wanted else through
         for rect, door in _sides(plan, anchor, extent):
             if taken.intersects(box(*rect).buffer(-0.005)):
                 continue
@@ -197,7 +196,7 @@ def _sides(
     found = []
     need = DOOR_M + 2 * JAMB_M
     ring = list(plan.polygons[anchor].exterior.coords)
-    for (ax, ay), (bx, by) in zip(ring, ring[1:], strict=False):
+    for (ax, ay), (bx, by) in itertools.pairwise(ring):
         horizontal = abs(ay - by) < 0.02
         if not horizontal and abs(ax - bx) >= 0.02:
             continue

@@ -66,7 +66,13 @@ def _holders(room: str, furniture: Sequence[Furniture]) -> list[Holder]:
         area = piece.size_m[0] * piece.size_m[1]
         if category.interior and not category.openable and piece.size_m[2] > 0.5:
             found.append(("in", piece.id, INSIDE_LEVELS * FULL * area, piece))
-        elif category.surface and piece.id not in covered and piece.size_m[2] + piece.z <= 1.4 and area >= 0.12 and not _seat(piece):
+        elif (
+            category.surface
+            and piece.id not in covered
+            and piece.size_m[2] + piece.z <= 1.4
+            and area >= 0.12
+            and not _seat(piece)
+        ):
             found.append(("on", piece.id, FULL * area, piece))
     return found
 

@@ -1,4 +1,4 @@
-"""What does not block the floor: countertops over base units, things on tables, on walls, on ceilings, carpets, plants."""
+"""What does not block the floor: countertops on base units, things on tables, walls and ceilings, carpets."""
 
 from __future__ import annotations
 
@@ -9,15 +9,8 @@ import shapely
 from numpy.typing import NDArray
 
 from envs_data.build.layout_pieces import Piece, rules
-from envs_data.build.layout_place import (
-    Placed,
-    Poses,
-    RoomLayout,
-    floor_poses,
-    place_corner,
-    rect_of,
-    wall_poses,
-)
+from envs_data.build.layout_place import place_corner
+from envs_data.build.layout_poses import Placed, Poses, RoomLayout, floor_poses, rect_of, wall_poses
 from envs_data.build.layout_space import Rect
 from gavel_env.ontology import default_ontology
 
@@ -51,12 +44,16 @@ def slab_over_bases(layout: RoomLayout, piece: Piece) -> bool:
         depth, width, _ = piece.size_m
         for t in np.unique(np.round(np.arange(low + width / 2 - 0.15, high - width / 2 + 0.16, 0.05), 3)).tolist():
             rect = _against_back(layout.rects[i], base.yaw, depth, t, width)
-            if any(_overlap_area(rect, other) > 1e-4 for other in taken) or not layout.space.polygon.covers(layout.space.shape(rect)):
+            if any(_overlap_area(rect, other) > 1e-4 for other in taken) or not layout.space.polygon.covers(
+                layout.space.shape(rect)
+            ):
                 continue
             if not layout.space.keepout.is_empty and layout.space.keepout.intersects(layout.space.shape(rect)):
                 continue
             covered = sum(_overlap_area(rect, r) for r in row) / (piece.area_m2)
-            strange = sum(_overlap_area(rect, layout.rects[j]) for j in range(len(layout.rects)) if layout.rects[j] not in row)
+            strange = sum(
+                _overlap_area(rect, layout.rects[j]) for j in range(len(layout.rects)) if layout.rects[j] not in row
+            )
             if covered < 0.55 or strange > 1e-4 or _overlap_area(rect, layout.rects[i]) <= 0:
                 continue
             key = (round(-covered, 3), round(abs(t - (base.x if along_x else base.y)), 3), round(t, 3))
@@ -118,10 +115,12 @@ def _choose(layout: RoomLayout, piece: Piece, poses: Poses, score: Floats, ok: B
     index = np.flatnonzero(ok & np.isfinite(score))
     if not len(index):
         return False
-    order = index[np.lexsort((index, np.round(poses.x[index], 3), np.round(poses.y[index], 3), np.round(score[index], 4)))]
+    order = index[
+        np.lexsort((index, np.round(poses.x[index], 3), np.round(poses.y[index], 3), np.round(score[index], 4)))
+    ]
     for i in order[:200].tolist():
         rect = (float(poses.rects[i][0]), float(poses.rects[i][1]), float(poses.rects[i][2]), float(poses.rects[i][3]))
-        if reach and not layout.space.reachable(rect, REACH_M):
+        if reach and not _in_reach(layout, poses.rects[i]):
             continue
         layout.placed.append(Placed(piece, float(poses.x[i]), float(poses.y[i]), int(poses.yaw[i]), z))
         layout.rects.append(rect)
@@ -136,7 +135,11 @@ def place_top(layout: RoomLayout, piece: Piece) -> bool:
     covered = {p.on for p in layout.placed if p.piece.role == "slab"}
     hosts = []
     for i, host in enumerate(layout.placed):
-        if i in covered or not ontology[host.piece.category].surface or host.piece.role in ("top", "chair", "lounge", "bath", "corner"):
+        if (
+            i in covered
+            or not ontology[host.piece.category].surface
+            or host.piece.role in ("top", "chair", "lounge", "bath", "corner")
+        ):
             continue
         if host.piece.mount != "floor" or (host.on >= 0 and host.piece.role != "slab"):
             continue
@@ -158,8 +161,12 @@ def place_top(layout: RoomLayout, piece: Piece) -> bool:
             dx, dy = (piece.size_m[0], piece.size_m[1]) if yaw in (0, 180) else (piece.size_m[1], piece.size_m[0])
             if dx > rect[2] - rect[0] or dy > rect[3] - rect[1]:
                 continue
-            gx = np.unique(np.round(np.concatenate([np.arange(rect[0] + dx / 2, rect[2] - dx / 2, 0.05), [rect[2] - dx / 2]]), 3))
-            gy = np.unique(np.round(np.concatenate([np.arange(rect[1] + dy / 2, rect[3] - dy / 2, 0.05), [rect[3] - dy / 2]]), 3))
+            gx = np.unique(
+                np.round(np.concatenate([np.arange(rect[0] + dx / 2, rect[2] - dx / 2, 0.05), [rect[2] - dx / 2]]), 3)
+            )
+            gy = np.unique(
+                np.round(np.concatenate([np.arange(rect[1] + dy / 2, rect[3] - dy / 2, 0.05), [rect[3] - dy / 2]]), 3)
+            )
             mx, my = (a.ravel() for a in np.meshgrid(gx, gy))
             rects = np.stack([mx - dx / 2, my - dy / 2, mx + dx / 2, my + dy / 2], axis=1)
             free = np.flatnonzero(~_hits(rects, guests, 0.01))
@@ -169,15 +176,19 @@ def place_top(layout: RoomLayout, piece: Piece) -> bool:
             forward = (mx - host.x) * np.cos(radians) + (my - host.y) * np.sin(radians)
             lateral = np.abs(-(mx - host.x) * np.sin(radians) + (my - host.y) * np.cos(radians))
             score = np.round(forward - lateral * (0.5 if host.piece.role != "desk" else -0.5), 4)
-            k = int(free[np.lexsort((free, score[free]))[0]])
+            ordered = free[np.lexsort((free, score[free]))]
+            near = (k for k in ordered[:: max(1, len(ordered) // 40)].tolist() if _in_reach(layout, rects[k]))
+            k = next(near, -1)
+            if k < 0:
+                continue
             layout.placed.append(Placed(piece, float(mx[k]), float(my[k]), yaw, round(top, 3), i))
             layout.rects.append(rect_of(float(mx[k]), float(my[k]), yaw, piece.size_m))
             return True
-    return _on_floor(layout, piece)
-
-
-def _on_floor(layout: RoomLayout, piece: Piece) -> bool:
     return place_corner(layout, piece)
+
+
+def _in_reach(layout: RoomLayout, row: Floats) -> bool:
+    return layout.space.reachable((float(row[0]), float(row[1]), float(row[2]), float(row[3])), REACH_M)
 
 
 def place_on_wall(layout: RoomLayout, piece: Piece) -> bool:
@@ -195,7 +206,13 @@ def place_on_wall(layout: RoomLayout, piece: Piece) -> bool:
     ontology = default_ontology()[piece.category]
     reach = ontology.openable or ontology.toggleable or ontology.surface or ontology.interior
     companions = layout.of_category(rules().near.get(piece.category, ()))
-    for least, margin, use_tall, use_hung in ((0.97, 0.04, True, True), (0.9, 0.0, True, True), (0.9, 0.0, False, True), (0.4, 0.0, False, True), (0.4, 0.0, False, False)):
+    for least, margin, use_tall, use_hung in (
+        (0.97, 0.04, True, True),
+        (0.9, 0.0, True, True),
+        (0.9, 0.0, False, True),
+        (0.4, 0.0, False, True),
+        (0.4, 0.0, False, False),
+    ):
         poses = wall_poses(layout, piece, least, gap=0.01)
         ok = _covered(layout, poses)
         if use_hung:
@@ -224,33 +241,44 @@ def _wall_score(layout: RoomLayout, piece: Piece, poses: Poses, companions: Sequ
         return np.asarray(best)
     if piece.category == "electric_switch" and not layout.space.keepout.is_empty:
         parts = getattr(layout.space.keepout, "geoms", [layout.space.keepout])
-        return np.asarray(np.min([np.hypot(poses.x - p.centroid.x, poses.y - p.centroid.y) for p in parts], axis=0)) - 0.2 * np.minimum(spread, 3.0)
+        return np.asarray(
+            np.min([np.hypot(poses.x - p.centroid.x, poses.y - p.centroid.y) for p in parts], axis=0)
+        ) - 0.2 * np.minimum(spread, 3.0)
     score = -np.minimum(spread, 3.0)
     if "window" in piece.category or "blind" in piece.category:
         radians = np.deg2rad(poses.yaw)
         behind = 0.45 + piece.size_m[0]
-        inner = shapely.contains_xy(layout.space.house, poses.x - behind * np.cos(radians), poses.y - behind * np.sin(radians))
+        inner = shapely.contains_xy(
+            layout.space.house, poses.x - behind * np.cos(radians), poses.y - behind * np.sin(radians)
+        )
         score = score + 5.0 * inner
     return np.asarray(score)
 
 
-def place_on_ceiling(layout: RoomLayout, piece: Piece) -> bool:
-    """Under the ceiling, in the middle first, then as far from the other lamps as can be."""
-    poses = floor_poses(layout, piece)
-    ok = _covered(layout, poses)
-    same = [p for p in layout.placed if p.piece.role == "ceiling"]
+def hang_ceiling(layout: RoomLayout, pieces: Sequence[Piece]) -> None:
+    """Under the ceiling, the first in the middle, each further one as far from the others as can be."""
     x0, y0, x1, y1 = layout.space.bounds
-    edge = np.minimum.reduce([poses.x - x0, x1 - poses.x, poses.y - y0, y1 - poses.y])
-    if same:
-        away = np.full(len(poses.x), np.inf)
-        for p in same:
-            away = np.minimum(away, np.hypot(poses.x - p.x, poses.y - p.y))
-        score = -np.minimum(away, 1.5 * edge)
-        ok &= away > 0.05
-    else:
-        score = np.hypot(poses.x - (x0 + x1) / 2, poses.y - (y0 + y1) / 2)
-    z = round(max(0.0, CEILING_M - piece.size_m[2]), 3)
-    return _choose(layout, piece, poses, score, ok, z, default_ontology()[piece.category].toggleable)
+    away: Floats | None = None
+    poses_of: dict[tuple[str, str], tuple[Poses, Bools]] = {}
+    for piece in pieces:
+        if piece.key not in poses_of:
+            every = floor_poses(layout, piece)
+            count = len(every.x) // 4
+            poses = Poses(*(column[:count] for column in every))
+            poses_of[piece.key] = (poses, _covered(layout, poses))
+        poses, ok = poses_of[piece.key]
+        if away is None:
+            score = np.hypot(poses.x - (x0 + x1) / 2, poses.y - (y0 + y1) / 2)
+        else:
+            edge = np.minimum.reduce([poses.x - x0, x1 - poses.x, poses.y - y0, y1 - poses.y])
+            score = -np.minimum(away, 1.5 * edge)
+            ok = ok & (away > 0.05)
+        z = round(max(0.0, CEILING_M - piece.size_m[2]), 3)
+        if not _choose(layout, piece, poses, score, ok, z, default_ontology()[piece.category].toggleable):
+            layout.left.append(piece)
+            continue
+        new = np.hypot(poses.x - layout.placed[-1].x, poses.y - layout.placed[-1].y)
+        away = new if away is None else np.minimum(away, new)
 
 
 def place_carpet(layout: RoomLayout, piece: Piece) -> bool:
@@ -266,7 +294,9 @@ def place_carpet(layout: RoomLayout, piece: Piece) -> bool:
     for i in anchors[:1]:
         score = np.hypot(poses.x - layout.placed[i].x, poses.y - layout.placed[i].y) + 0.05 * score
     free = ok & ~_hits(poses.rects, others)
-    return _choose(layout, piece, poses, score, free, 0.0, False) or _choose(layout, piece, poses, score, ok, 0.0, False)
+    return _choose(layout, piece, poses, score, free, 0.0, False) or _choose(
+        layout, piece, poses, score, ok, 0.0, False
+    )
 
 
 def place_scenery(layout: RoomLayout, piece: Piece) -> bool:
@@ -276,32 +306,42 @@ def place_scenery(layout: RoomLayout, piece: Piece) -> bool:
     plants = [layout.rects[i] for i in layout.indices("scenery")]
     others = [rect for p, rect in zip(layout.placed, layout.rects, strict=True) if p.piece.role != "scenery"]
     x0, y0, x1, y1 = layout.space.bounds
-    score = np.minimum.reduce([poses.rects[:, 0] - x0, x1 - poses.rects[:, 2], poses.rects[:, 1] - y0, y1 - poses.rects[:, 3]])
+    score = np.minimum.reduce(
+        [poses.rects[:, 0] - x0, x1 - poses.rects[:, 2], poses.rects[:, 1] - y0, y1 - poses.rects[:, 3]]
+    )
     if plants:
         o = np.array(plants)
-        away = np.hypot(poses.x[:, None] - (o[:, 0] + o[:, 2]) / 2, poses.y[:, None] - (o[:, 1] + o[:, 3]) / 2).min(axis=1)
+        away = np.hypot(poses.x[:, None] - (o[:, 0] + o[:, 2]) / 2, poses.y[:, None] - (o[:, 1] + o[:, 3]) / 2).min(
+            axis=1
+        )
         crowded = score - np.minimum(away, 4.0)
     else:
         crowded = score
     clear = ok & ~_hits(poses.rects, others)
     if _choose(layout, piece, poses, score, clear & ~_hits(poses.rects, plants), 0.0, False):
         return True
-    return _choose(layout, piece, poses, crowded, clear, 0.0, False) or _choose(layout, piece, poses, crowded, ok, 0.0, False)
+    return _choose(layout, piece, poses, crowded, clear, 0.0, False) or _choose(
+        layout, piece, poses, crowded, ok, 0.0, False
+    )
 
 
 MOUNTERS: tuple[tuple[str, Callable[[RoomLayout, Piece], bool]], ...] = (
     ("top", place_top),
     ("wall", place_on_wall),
-    ("ceiling", place_on_ceiling),
     ("carpet", place_carpet),
     ("scenery", place_scenery),
 )
 
 
+def _by_size(pieces: Sequence[Piece], role: str) -> list[Piece]:
+    mine = [p for p in pieces if p.role == role]
+    return sorted(mine, key=lambda p: (-round(p.size_m[1] * p.size_m[2], 3), p.category, p.model))
+
+
 def mount_all(layout: RoomLayout, pieces: Sequence[Piece]) -> None:
     """Put up everything that does not block the floor; what finds no place goes to `layout.left`."""
+    hang_ceiling(layout, _by_size(pieces, "ceiling"))
     for role, mounter in MOUNTERS:
-        mine = [p for p in pieces if p.role == role]
-        for piece in sorted(mine, key=lambda p: (-round(p.size_m[1] * p.size_m[2], 3), p.category, p.model)):
+        for piece in _by_size(pieces, role):
             if not mounter(layout, piece):
                 layout.left.append(piece)

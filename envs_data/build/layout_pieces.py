@@ -40,6 +40,7 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         spin: categories that may turn a side to the wall.
         hubs: room types that one walks through, first the one that others hang on (generated outlines).
         hangs_on: room type -> room types that its door leads to, best first (generated outlines).
+        orders: orders of the floor roles in which a room is furnished, the usual one first.
     """
 
     format: Literal["gavel-layout-rules/1"]
@@ -54,6 +55,7 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     spin: tuple[str, ...]
     hubs: tuple[str, ...]
     hangs_on: dict[str, tuple[str, ...]]
+    orders: tuple[tuple[str, ...], ...]
 
 
 class Piece(NamedTuple):

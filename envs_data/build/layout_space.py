@@ -6,6 +6,7 @@ floor beyond each opening, so that "the room can be entered" is a connectivity q
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -167,8 +168,12 @@ class RoomSpace:
         return np.asarray(np.isin(labels, sorted(wanted)))
 
     def _slices(self, rect: Rect) -> tuple[slice, slice]:
-        rows = slice(max(0, int((rect[1] - self._y0) / self.cell)), max(0, int(np.ceil((rect[3] - self._y0) / self.cell))))
-        columns = slice(max(0, int((rect[0] - self._x0) / self.cell)), max(0, int(np.ceil((rect[2] - self._x0) / self.cell))))
+        rows = slice(
+            max(0, int((rect[1] - self._y0) / self.cell)), max(0, int(np.ceil((rect[3] - self._y0) / self.cell)))
+        )
+        columns = slice(
+            max(0, int((rect[0] - self._x0) / self.cell)), max(0, int(np.ceil((rect[2] - self._x0) / self.cell)))
+        )
         return rows, columns
 
     def fits(self, rects: Floats, allow: Sequence[Rect] = (), soft: bool = True) -> Bools:
@@ -245,7 +250,7 @@ class RoomSpace:
         """Return the straight walls of the room, each with where it really is wall."""
         ring = list(self.polygon.exterior.coords)
         found: dict[tuple[bool, float, int], list[float]] = {}
-        for (ax, ay), (bx, by) in zip(ring, ring[1:], strict=False):
+        for (ax, ay), (bx, by) in itertools.pairwise(ring):
             horizontal = abs(ay - by) <= 0.035 and abs(ax - bx) >= 0.25
             vertical = abs(ax - bx) <= 0.035 and abs(ay - by) >= 0.25
             if not (horizontal or vertical):

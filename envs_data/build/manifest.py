@@ -1,7 +1,7 @@
 """SHA-256 of every data file that is shipped under `envs_data`: write the manifest, or check it.
 
-    python -m envs_data.build.manifest            # write envs_data/MANIFEST.json
-    python -m envs_data.build.manifest --check    # exit 1 and say what differs
+python -m envs_data.build.manifest            # write envs_data/MANIFEST.json
+python -m envs_data.build.manifest --check    # exit 1 and say what differs
 """
 
 from __future__ import annotations
@@ -33,7 +33,12 @@ def compute(root: Path = ROOT) -> dict[str, str]:
     """Return path below `root` -> SHA-256 of every data file, in the order of the paths."""
     found = {}
     for path in sorted(root.rglob("*")):
-        if path.is_file() and path.suffix in SUFFIXES and path.name != NAME and "build" not in path.relative_to(root).parts:
+        if (
+            path.is_file()
+            and path.suffix in SUFFIXES
+            and path.name != NAME
+            and "build" not in path.relative_to(root).parts
+        ):
             found[path.relative_to(root).as_posix()] = hashlib.sha256(path.read_bytes()).hexdigest()
     return found
 

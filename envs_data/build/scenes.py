@@ -18,14 +18,15 @@ import msgspec
 from shapely.ops import unary_union
 
 from envs_data.build.layout_checks import check_layout
+from envs_data.build.layout_furnish import furnish
 from envs_data.build.layout_generate import generated_outline
 from envs_data.build.layout_items import assign_items
 from envs_data.build.layout_mounts import mount_all
 from envs_data.build.layout_outline import Outline, measured_outline, measured_scenes, polygon_of
 from envs_data.build.layout_pieces import Contents, contents_of, source_scenes
-from envs_data.build.layout_place import RoomLayout, furnish
+from envs_data.build.layout_poses import RoomLayout
 from envs_data.build.layout_space import RoomSpace
-from gavel_env.scenes import FORMAT, Furniture, Item, NotPlaced, Scene, check_scene
+from gavel_env.scenes import FORMAT, Furniture, NotPlaced, Scene, check_scene
 
 __all__ = ["build_scene", "encode", "main"]
 
@@ -127,7 +128,8 @@ def _furniture(layouts: dict[str, RoomLayout]) -> tuple[tuple[Furniture, ...], C
     for room in sorted(layouts):
         placed = layouts[room].placed
         order = sorted(
-            range(len(placed)), key=lambda i: (placed[i].piece.key, placed[i].y, placed[i].x, placed[i].z, placed[i].yaw, i)
+            range(len(placed)),
+            key=lambda i: (placed[i].piece.key, placed[i].y, placed[i].x, placed[i].z, placed[i].yaw, i),
         )
         ids: dict[int, str] = {}
         for i in order:
@@ -174,7 +176,9 @@ def report(scene: Scene) -> str:
         if n.reason not in (BUILDING, DOOR):
             missing[n.category] += n.count
     total = len(scene.furniture) + sum(missing.values())
-    text = f"{scene.scene}: {len(scene.rooms)} rooms, {len(scene.furniture)} of {total} pieces, {len(scene.items)} items"
+    text = (
+        f"{scene.scene}: {len(scene.rooms)} rooms, {len(scene.furniture)} of {total} pieces, {len(scene.items)} items"
+    )
     if missing:
         text += "; left out: " + ", ".join(f"{c} {n}" for c, n in sorted(missing.items()))
     return text
