@@ -1,0 +1,165 @@
+"""`gavel eval`: run agents over instructions and print the results table; also the evaluations of single parts."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.util
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gavel_env.instructions import InstructionSet
+
+__all__ = ["PARTS", "register"]
+
+PARTS = ("eval.beliefs", "eval.cost_model", "eval.understanding")
+"""Modules with evaluations of single parts; each adds its command, as in `gavel eval beliefs`, with `register(subparsers)`."""
+
+_KINDS = {"single": ("single",), "multi": ("multi",), "behavior": ("behavior",), "both": ("single", "multi")}
+
+
+def register(subparsers: Any) -> None:
+    """Add `gavel eval` and the evaluations of single parts beneath it."""
+    parser = subparsers.add_parser(
+        "eval",
+        help="run agents over instructions and print the results table",
+        description="Run agents over instructions, one record per episode, and print the results table. "
+        "Without arguments: every agent that runs without a language model, over the shipped instructions.",
+    )
+    _add_options(parser)
+    parser.set_defaults(run=_eval)
+    parts = parser.add_subparsers(title="evaluations of single parts", metavar="PART", required=False)
+    for name in PARTS:
+        if importlib.util.find_spec(name) is not None:
+            importlib.import_module(name).register(parts)
+
+
+def _add_options(parser: argparse.ArgumentParser) -> None:
+    what = parser.add_argument_group("what is run")
+    what.add_argument("--agents", type=_names, metavar="A,B", help="names; default: all that can run")
+    what.add_argument("--kind", choices=tuple(_KINDS), help="kind of instructions (default: both; with files: all)")
+    what.add_argument(
+        "--instructions", action="append", metavar="FILE.jsonl", help="instead of the shipped ones; repeatable"
+    )
+    what.add_argument(
+        "--planner",
+        action="append",
+        default=[],
+        metavar="SPEC",
+        help="language model, such as scripted:FILE.jsonl; repeatable",
+    )
+    what.add_argument("--understanding", default="reference", metavar="NAME", help="default: reference")
+    what.add_argument(
+        "--prior", default="choice", metavar="NAME", help="location prior: choice (default), rsn or uniform"
+    )
+    what.add_argument("--seeds", type=_seeds, default=(0,), metavar="0,1", help="default: 0")
+    what.add_argument("--limit", type=_positive, metavar="N", help="only the first N instructions of each kind")
+    what.add_argument("--profile", choices=("paper", "omnigibson"), default="paper", help="rules profile")
+    what.add_argument(
+        "--plugin", action="append", default=[], metavar="MODULE", help="module that registers agents; repeatable"
+    )
+    how = parser.add_argument_group("how it is run")
+    how.add_argument("--out", metavar="DIR", help="folder for the records (default: runs/DATE-TIME)")
+    how.add_argument(
+        "--workers", type=_positive, default=1, metavar="N", help="processes (default: 1); results do not depend on it"
+    )
+    how.add_argument("--timeout", type=float, metavar="S", help="seconds of wall clock per episode (default: none)")
+    how.add_argument("--max-steps", type=_positive, default=300, metavar="N", help="actions per episode (default: 300)")
+    existing = how.add_mutually_exclusive_group()
+    existing.add_argument("--resume", action="store_true", help="continue the records in --out")
+    existing.add_argument("--fresh", action="store_true", help="set the records in --out aside and start anew")
+    how.add_argument(
+        "--retry", type=_names, default=(), metavar="error,timeout", help="with --resume: run these outcomes again"
+    )
+    shown = parser.add_argument_group("what is shown")
+    shown.add_argument("--format", choices=("terminal", "markdown", "csv", "latex"), default="terminal")
+    shown.add_argument("--failures", action="store_true", help="also count the episodes of every failure class")
+    shown.add_argument("--compare", type=_names, metavar="A,B", help="agents whose metres are matched")
+    shown.add_argument("--quiet", action="store_true", help="no progress")
+
+
+def _names(text: str) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not names:
+        raise argparse.ArgumentTypeError("needs at least one name")
+    return names
+
+
+def _seeds(text: str) -> tuple[int, ...]:
+    try:
+        seeds = tuple(int(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no list of whole numbers such as 0,1,2") from None
+    if min(seeds) < 0:
+        raise argparse.ArgumentTypeError(f"{text!r}: seeds are not negative")
+    return seeds
+
+
+def _positive(text: str) -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is less than 1")
+    return number
+
+
+def _eval(arguments: argparse.Namespace) -> int:
+    from eval.contestants import choose, default_agents
+    from eval.layout import render
+    from eval.progress import RunProgress
+    from eval.records import read_records
+    from eval.rig import EnvironmentSettings, import_plugins
+    from eval.runner import run, schedule
+    from eval.tables import results
+
+    import_plugins(arguments.plugin)
+    settings = EnvironmentSettings(profile=arguments.profile, max_steps=arguments.max_steps)
+    agents = arguments.agents or default_agents(arguments.planner)
+    contestants = choose(
+        agents,
+        settings,
+        planners=arguments.planner,
+        understanding=arguments.understanding,
+        prior=arguments.prior,
+    )
+    kind = arguments.kind or ("both" if arguments.instructions is None else None)
+    plan = schedule(
+        contestants,
+        _files(arguments.instructions, kind),
+        arguments.seeds,
+        kinds=_KINDS[kind] if kind else (),
+        limit=arguments.limit,
+        settings=settings,
+        plugins=arguments.plugin,
+    )
+    out = Path(arguments.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}")
+    with RunProgress() as progress:
+        path = run(
+            plan,
+            out,
+            existing="resume" if arguments.resume else "fresh" if arguments.fresh else "refuse",
+            retry=arguments.retry,
+            arguments={k: v for k, v in sorted(vars(arguments).items()) if k != "run"},
+            workers=arguments.workers,
+            timeout_s=arguments.timeout,
+            report=None if arguments.quiet else progress.advance,
+            started=None if arguments.quiet else progress.started,
+        )
+    found = results(read_records([path]), arguments.compare)
+    sys.stdout.write(render(found, arguments.format, failures=arguments.failures))
+    if not arguments.quiet:
+        print(f"gavel eval: records in {path}", file=sys.stderr)
+    return 0
+
+
+def _files(paths: list[str] | None, kind: str | None) -> list[InstructionSet]:
+    from gavel_env.instructions import read_instructions, shipped
+
+    if paths is None:
+        return [read_instructions(shipped(name)) for name in _KINDS[kind or "both"]]
+    return [read_instructions(path) for path in paths]

@@ -1,0 +1,67 @@
+"""Which agents take part, with which planner, understanding and prior."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import gavel_agents
+from eval.records import Contestant
+from eval.rig import EnvironmentSettings
+from eval.runner import contestant
+from gavel_agents.llm import BadPlannerSpec, load_model
+from gavel_agents.methods import METHODS
+from gavel_env.errors import UnknownAgent
+
+__all__ = ["ORDER", "choose", "default_agents", "needs_planner"]
+
+ORDER = ("llm-only", "sayplan", "epog", "gavel-basic", "gavel-map", "gavel-static", "gavel-full", "oracle")
+"""Rows of a table, as the paper has them."""
+
+_ALIASES = {"gavel": "gavel-full"}
+
+
+def needs_planner(agent: str) -> bool:
+    """Return whether a built-in agent asks a language model; agents of others are given one if there is one."""
+    return agent in METHODS and METHODS[agent].source == "model"
+
+
+def default_agents(planners: Sequence[str]) -> tuple[str, ...]:
+    """Return the built-in agents that can run: all of them with a planner, else those that need none."""
+    return tuple(agent for agent in ORDER if planners or not needs_planner(agent))
+
+
+def choose(
+    agents: Sequence[str],
+    settings: EnvironmentSettings,
+    *,
+    planners: Sequence[str] = (),
+    understanding: str = "reference",
+    prior: str = "choice",
+) -> tuple[Contestant, ...]:
+    """Return the contestants: each agent once per planner, or once if it needs none.
+
+    Raises:
+        UnknownAgent: with the nearest names.
+        BadPlannerSpec: a planner cannot be loaded, or an agent needs one and there is none.
+    """
+    for planner in planners:
+        load_model(planner)
+    known = gavel_agents.agent_names()
+    chosen: list[Contestant] = []
+    for name in agents:
+        agent = _ALIASES.get(name, name)
+        if agent not in known:
+            raise UnknownAgent(name, known)
+        if agent == "oracle":
+            chosen.append(contestant(agent, settings, privileged=True))
+        elif agent in METHODS and not needs_planner(agent):
+            chosen.append(contestant(agent, settings, understanding=understanding, prior=prior))
+        else:
+            if needs_planner(agent) and not planners:
+                raise BadPlannerSpec(
+                    f"agent {agent!r} asks a language model, and none is given: "
+                    f"add --planner scripted:FILE.jsonl, or leave it out of --agents"
+                )
+            for planner in planners or ("",):
+                chosen.append(contestant(agent, settings, planner=planner, understanding=understanding, prior=prior))
+    return tuple(dict.fromkeys(chosen))

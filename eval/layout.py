@@ -1,0 +1,314 @@
+"""How result tables look: on a terminal, as Markdown, LaTeX or CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+from eval.statistics import Estimate
+from eval.tables import Results, Row, Section
+
+__all__ = ["FORMATS", "Grid", "grids", "render", "to_csv"]
+
+UNDEFINED = "—"
+_TITLES = {"single": "Single tasks", "multi": "Multi-task instructions", "behavior": "BEHAVIOR activities"}
+_MARKS = {
+    "privileged": ("†", "sees the hidden state"),
+    "scripted": ("§", "planner answers from a file of scripted completions; no language model ran"),
+    "simulated": ("‡", "simulated planner: a published error profile, no language model"),
+}
+
+
+class Grid(NamedTuple):
+    """A table ready to be set.
+
+    Attributes:
+        title: its heading.
+        header: column headings; the first `labels` columns are text, the others are numbers.
+        labels: how many columns are text.
+        rows: cells.
+        notes: lines beneath it.
+    """
+
+    title: str
+    header: tuple[str, ...]
+    labels: int
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+
+
+class _Column(NamedTuple):
+    """A column of numbers; it is left out where every cell is undefined."""
+
+    name: str
+    cell: Callable[[Row], str]
+
+
+def _number(value: Estimate | None, digits: int) -> str:
+    if value is None:
+        return UNDEFINED
+    text = f"{value.mean:.{digits}f}"
+    if value.interval is not None:
+        return f"{text} [{value.interval[0]:.{digits}f}, {value.interval[1]:.{digits}f}]"
+    return f"{text} ± {UNDEFINED if value.spread is None else f'{value.spread:.{digits}f}'}"
+
+
+def _seconds(value: Estimate | None) -> str:
+    return _number(value, 3 if value is not None and value.mean < 1 else 1)
+
+
+def _episodes(row: Row) -> str:
+    return str(row.scheduled) if row.recorded == row.scheduled else f"{row.recorded} of {row.scheduled}"
+
+
+_COLUMNS = (
+    _Column("Success (%)", lambda row: _number(row.success, 1)),
+    _Column("Metres", lambda row: _number(row.metres, 2)),
+    _Column("Metres, matched", lambda row: _number(row.matched, 2)),
+    _Column("× oracle", lambda row: UNDEFINED if row.regret is None else f"{row.regret:.2f}"),
+    _Column("Planning (s)", lambda row: _seconds(row.planning_s)),
+    _Column("Attempts", lambda row: _number(row.attempts, 2)),
+    _Column("N", _episodes),
+)
+_CHOICES = ("planner", "understanding", "prior")
+
+
+def grids(results: Results, *, failures: bool = False) -> tuple[Grid, ...]:
+    """Return one table per section, and with `failures` one of failure classes per section."""
+    tables: list[Grid] = []
+    for section in results.sections:
+        tables.append(_main(section, results))
+        if failures:
+            tables.append(_failures(section))
+    if tables:
+        tables[-1] = tables[-1]._replace(notes=(*tables[-1].notes, *_footer(results)))
+    return tuple(tables)
+
+
+def _labels(section: Section) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Return the text columns: the agent with its marks, what differs between the rows, and stamps to tell twins apart."""
+    varying = [name for name in _CHOICES if len({getattr(r.contestant, name) for r in section.rows} - {""}) > 1]
+    rows = [
+        (r.contestant.agent + _marks(r), *(getattr(r.contestant, name) or UNDEFINED for name in varying))
+        for r in section.rows
+    ]
+    if len(set(rows)) < len(rows):
+        varying.append("settings")
+        rows = [(*cells, r.contestant.config[:6]) for cells, r in zip(rows, section.rows, strict=True)]
+    return ("Agent", *(name.capitalize() for name in varying)), list(rows)
+
+
+def _marks(row: Row) -> str:
+    kinds = (["privileged"] if row.contestant.privileged else []) + [row.contestant.planner_kind]
+    marks = "".join(_MARKS[kind][0] for kind in kinds if kind in _MARKS)
+    return f" {marks}" if marks else ""
+
+
+def _main(section: Section, results: Results) -> Grid:
+    header, labels = _labels(section)
+    cells = [[column.cell(row) for column in _COLUMNS] for row in section.rows]
+    shown = [i for i, column in enumerate(_COLUMNS) if column.name == "N" or any(row[i] != UNDEFINED for row in cells)]
+    return Grid(
+        title=_title(section, results),
+        header=(*header, *(_COLUMNS[i].name for i in shown)),
+        labels=len(header),
+        rows=tuple((*label, *(row[i] for i in shown)) for label, row in zip(labels, cells, strict=True)),
+        notes=tuple(_section_notes(section)),
+    )
+
+
+def _title(section: Section, results: Results) -> str:
+    bench = section.benchmark
+    name = _TITLES.get(bench.kind, bench.kind)
+    parts = [f"{section.instructions} from {bench.source}", f"stamp {bench.stamp or UNDEFINED}, data {bench.data}"]
+    for choice in _CHOICES:
+        named = {getattr(row.contestant, choice) for row in section.rows} - {""}
+        if len(named) == 1:
+            parts.append(f"{choice} {named.pop()}")
+        elif not named and choice == "planner":
+            parts.append("no planner")
+    parts += [f"{fact} {value}" for fact, value in results.facts]
+    return f"{name} · " + " · ".join(parts)
+
+
+def _section_notes(section: Section) -> list[str]:
+    names = [row.contestant.agent for row in section.rows]
+    notes = []
+    if section.compared:
+        together = ", ".join(names[i] for i in section.compared)
+        note = f"Metres, matched: over the {section.matched} episodes that all of these solved: {together}"
+        out = [name for i, name in enumerate(names) if i not in section.compared]
+        notes.append(note + (f"; left out: {', '.join(out)}." if out else "."))
+    kinds = {row.contestant.planner_kind for row in section.rows}
+    kinds |= {"privileged" for row in section.rows if row.contestant.privileged}
+    notes += [f"{mark} {meaning}." for kind, (mark, meaning) in _MARKS.items() if kind in kinds]
+    missing = sum(row.scheduled - row.recorded for row in section.rows)
+    if missing:
+        notes.append(f"INCOMPLETE: {missing} scheduled episodes have no record and count as not solved.")
+    crashed = sum(n for row in section.rows for kind, n in row.failures.items() if kind.startswith("error:"))
+    if crashed:
+        notes.append(f"{crashed} episodes ended in an error and count as not solved (gavel tables --failures).")
+    return notes
+
+
+def _footer(results: Results) -> list[str]:
+    seeds = {seed for section in results.sections for seed in section.seeds}
+    if len(seeds) > 1:
+        spread = "±: sample standard deviation over seeds (success, metres)"
+    else:
+        spread = "[low, high]: 95 % Wilson interval; ± of metres: standard error over instructions (one seed)"
+    notes = [
+        f"{spread}; of planning and attempts: standard deviation over episodes. Success is over all scheduled episodes; "
+        f"Metres over the agent's own successes. {UNDEFINED}: undefined."
+    ]
+    notes += [f"Rejected and counted as not solved: {name}: {reason}" for name, reason in results.rejected]
+    notes += [f"Not a record: {line}" for line in results.damaged]
+    return notes
+
+
+def _failures(section: Section) -> Grid:
+    header, labels = _labels(section)
+    totals: dict[str, int] = {}
+    for row in section.rows:
+        for kind, count in row.failures.items():
+            totals[kind] = totals.get(kind, 0) + count
+    kinds = sorted(totals, key=lambda kind: (-totals[kind], kind))
+    rows = [
+        (*label, *(str(row.failures.get(kind, 0)) for kind in kinds), str(row.scheduled))
+        for label, row in zip(labels, section.rows, strict=True)
+    ]
+    name = _TITLES.get(section.benchmark.kind, section.benchmark.kind)
+    return Grid(f"{name}: why episodes failed", (*header, *kinds, "N"), len(header), tuple(rows))
+
+
+# --- formats -------------------------------------------------------------------------------------------------------
+
+
+def _terminal(tables: Sequence[Grid], _: Results, width: int | None = None) -> str:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console(file=io.StringIO(), width=width, color_system=None)
+    if width is None and not console.is_terminal:
+        console.width = 140
+    for grid in tables:
+        console.print(Text(grid.title, style="bold"), soft_wrap=True)
+        table = Table(box=SIMPLE_HEAD, pad_edge=False)
+        for index, name in enumerate(grid.header):
+            table.add_column(Text(name), justify="left" if index < grid.labels else "right")
+        for row in grid.rows:
+            table.add_row(*map(Text, row))
+        console.print(table)
+        for note in grid.notes:
+            console.print(Text(note), soft_wrap=True)
+        console.print()
+    stream = console.file
+    assert isinstance(stream, io.StringIO)
+    return "\n".join(line.rstrip() for line in stream.getvalue().rstrip().splitlines()) + "\n"
+
+
+def _markdown(tables: Sequence[Grid], _: Results) -> str:
+    parts: list[str] = []
+    for grid in tables:
+        lines = [f"**{grid.title}**", ""]
+        lines.append("| " + " | ".join(_md(cell) for cell in grid.header) + " |")
+        lines.append("|" + "|".join(["---"] * grid.labels + ["--:"] * (len(grid.header) - grid.labels)) + "|")
+        lines += ["| " + " | ".join(_md(cell) for cell in row) + " |" for row in grid.rows]
+        for note in grid.notes:
+            lines += ["", _md(note)]
+        parts.append("\n".join(lines) + "\n")
+    return "\n".join(parts)
+
+
+def _md(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+_LATEX = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "±": r"$\pm$", "×": r"$\times$", "—": "---", "·": r"$\cdot$",
+    "†": r"$\dagger$", "‡": r"$\ddagger$", "§": r"\S{}", "…": r"\ldots{}",
+}  # fmt: skip
+
+
+def _tex(text: str) -> str:
+    return "".join(_LATEX.get(character, character) for character in text.replace("\n", " "))
+
+
+def _latex(tables: Sequence[Grid], _: Results) -> str:
+    parts = ["% needs \\usepackage{booktabs}"]
+    for grid in tables:
+        align = "l" * grid.labels + "r" * (len(grid.header) - grid.labels)
+        lines = [r"\begin{table}[t]", r"\centering", rf"\caption{{{_tex(grid.title)}}}"]
+        lines += [rf"\begin{{tabular}}{{@{{}}{align}@{{}}}}", r"\toprule"]
+        lines += [" & ".join(map(_tex, grid.header)) + r" \\", r"\midrule"]
+        lines += [" & ".join(map(_tex, row)) + r" \\" for row in grid.rows]
+        lines += [r"\bottomrule", r"\end{tabular}"]
+        lines += [r"\par\smallskip{\footnotesize " + _tex(note) + "}" for note in grid.notes]
+        parts.append("\n".join([*lines, r"\end{table}"]))
+    return "\n\n".join(parts) + "\n"
+
+
+def to_csv(results: Results) -> str:
+    """Return one line per row of every table, numbers in full precision, empty where undefined."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    measures = ("success_pct", "metres", "matched_metres", "planning_s", "attempts")
+    writer.writerow(
+        [
+            "kind",
+            "source",
+            "stamp",
+            "data",
+            "agent",
+            "privileged",
+            *_CHOICES,
+            "config",
+            "seeds",
+            "scheduled",
+            "recorded",
+        ]
+        + [f"{name}{part}" for name in measures for part in ("", "_pm", "_low", "_high")]
+        + ["matched_episodes", "times_oracle"]
+    )
+    for section in results.sections:
+        bench = section.benchmark
+        for index, row in enumerate(section.rows):
+            who = row.contestant
+            values = (row.success, row.metres, row.matched, row.planning_s, row.attempts)
+            numbers = [_blank(part) for value in values for part in _parts(value)]
+            writer.writerow(
+                [bench.kind, bench.source, bench.stamp, bench.data, who.agent, int(who.privileged)]
+                + [getattr(who, choice) for choice in _CHOICES]
+                + [who.config, " ".join(map(str, section.seeds)), row.scheduled, row.recorded, *numbers]
+                + [section.matched if index in section.compared else "", _blank(row.regret)]
+            )
+    return stream.getvalue()
+
+
+def _parts(value: Estimate | None) -> tuple[float | None, ...]:
+    if value is None:
+        return (None, None, None, None)
+    return (value.mean, value.spread, *(value.interval or (None, None)))
+
+
+def _blank(value: float | None) -> str:
+    return "" if value is None else repr(value)
+
+
+FORMATS: Mapping[str, Callable[[Sequence[Grid], Results], str]] = {
+    "terminal": _terminal,
+    "markdown": _markdown,
+    "latex": _latex,
+    "csv": lambda _, results: to_csv(results),
+}
+"""Format name -> function from the tables and results to text."""
+
+
+def render(results: Results, form: str = "terminal", *, failures: bool = False) -> str:
+    """Return the tables of some results in a format of `FORMATS`."""
+    return FORMATS[form](grids(results, failures=failures), results)

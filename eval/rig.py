@@ -1,0 +1,332 @@
+"""The rig: environments and the agents' shared parts in one process, and the one function that runs an episode."""
+
+from __future__ import annotations
+
+import importlib
+import time
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, cast
+
+import gymnasium as gym
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+import gavel_agents
+import gavel_env  # noqa: F401  (registers the environments)
+from eval.provenance import now
+from eval.records import Contestant, EpisodeKey, EpisodeRecord, Step
+from eval.scrub import describe_error, scrub
+from gavel_agents.base import Agent, AgentTrace, Privileged
+from gavel_agents.llm import ChatModel, load_model
+from gavel_agents.understanding import ReferenceUnderstanding, Understanding
+from gavel_env.actions import Action
+from gavel_env.dynamics import Profile
+from gavel_env.errors import GavelError, nearest_names
+from gavel_env.goals import unmet
+from gavel_env.instructions import Instruction
+from gavel_env.observed import EnvAction, Observed
+
+if TYPE_CHECKING:
+    from gavel_env.env import GavelEnv
+    from gavel_env.episode import Judgement
+
+__all__ = [
+    "ENVIRONMENTS",
+    "UNDERSTANDINGS",
+    "BadPlugin",
+    "EnvironmentSettings",
+    "Episode",
+    "Rig",
+    "UnknownUnderstanding",
+    "import_plugins",
+    "simplified",
+]
+
+UNDERSTANDINGS = ("reference",)
+_NOT_UNDERSTOOD = "not understood"
+
+
+class BadPlugin(GavelError):
+    """A module that should register agents cannot be imported."""
+
+
+class UnknownUnderstanding(GavelError):
+    """No task understanding of this name is there."""
+
+
+def import_plugins(plugins: Iterable[str]) -> None:
+    """Import modules, whose import registers agents.
+
+    Raises:
+        BadPlugin: a module cannot be imported.
+    """
+    for plugin in plugins:
+        try:
+            importlib.import_module(plugin)
+        except ImportError as error:
+            raise BadPlugin(f"plugin {plugin!r} cannot be imported: {error}") from error
+
+
+ENVIRONMENTS: Mapping[str, str] = {
+    "single": "Gavel-SingleTask-v0",
+    "multi": "Gavel-MultiTask-v0",
+    "behavior": "Gavel-Behavior-v0",
+}
+"""Kind of instruction -> id of its environment."""
+
+
+class EnvironmentSettings(msgspec.Struct, frozen=True):
+    """Settings that every contestant of a run shares.
+
+    Attributes:
+        profile: rules profile.
+        max_steps: actions after which an episode is truncated.
+        options: further keyword arguments of the environments.
+    """
+
+    profile: str = "paper"
+    max_steps: int = 300
+    options: dict[str, Any] = {}
+
+
+class Episode(msgspec.Struct, frozen=True):
+    """One episode to run: an instruction, or what stands for a line that could not be read.
+
+    Attributes:
+        instruction: None for a rejected line.
+        rejected: why the line was rejected.
+    """
+
+    key: EpisodeKey
+    kind: str
+    contestant: Contestant
+    code: str
+    instruction: Instruction | None = None
+    rejected: str = ""
+
+    def record(self, outcome: str, failure: str = "", **fields: Any) -> EpisodeRecord:
+        """Return the episode's record."""
+        return EpisodeRecord(
+            seed=self.key.seed,
+            instruction=self.key.instruction,
+            kind=self.kind,
+            scene=self.instruction.scene if self.instruction else "",
+            text=self.instruction.text if self.instruction else "",
+            data=self.key.data,
+            code=self.code,
+            contestant=self.contestant,
+            outcome=outcome,
+            failure="" if outcome == "success" else failure or outcome,
+            finished=now(),
+            **fields,
+        )
+
+
+class _Progress:
+    """What an episode has come to so far; kept outside `Rig._play`, so that a crash leaves it to be recorded."""
+
+    def __init__(self, model: ChatModel | None) -> None:
+        self.model = model
+        self.agent: Agent | None = None
+        self.steps: list[Step] = []
+        self.metres = 0.0
+        self.started = False
+        self.seconds = {"setup": 0.0, "agent": 0.0, "execute": 0.0}
+
+    def fields(self) -> dict[str, Any]:
+        """Return them as fields of a record."""
+        trace = getattr(self.agent, "trace", None)
+        config = getattr(self.agent, "config", None)
+        return {
+            "steps": tuple(self.steps),
+            "metres": round(self.metres, 3),
+            "seconds": {stage: round(spent, 6) for stage, spent in self.seconds.items()},
+            "trace": trace if isinstance(trace, AgentTrace) else AgentTrace(),
+            "model": self.model.name if self.model else "",
+            "decoding": dict(self.model.decoding) if self.model else {},
+            "method": msgspec.to_builtins(config) if isinstance(config, msgspec.Struct) else {},
+        }
+
+
+class Rig:
+    """Runs episodes; builds environments and what agents share (models, understandings, priors) once."""
+
+    def __init__(self, settings: EnvironmentSettings, plugins: Iterable[str] = ()) -> None:
+        """Import the plugins, whose import registers agents.
+
+        Raises:
+            BadPlugin: a module cannot be imported.
+        """
+        import_plugins(plugins)
+        self.settings = settings
+        self._environments: dict[str, gym.Env[Any, Any]] = {}
+        self._models: dict[str, ChatModel] = {}
+
+    def check(self, episodes: Iterable[Episode]) -> None:
+        """Build every contestant's agent once, so that what can never run is said before anything runs.
+
+        Raises:
+            GavelError: an agent, planner, understanding or prior is not known or not usable.
+        """
+        seen = set()
+        for episode in episodes:
+            if episode.instruction is not None and episode.contestant.config not in seen:
+                seen.add(episode.contestant.config)
+                self.agent(episode.contestant, episode.instruction, episode.key.seed)
+
+    def agent(self, contestant: Contestant, instruction: Instruction, seed: int) -> Agent:
+        """Return a fresh agent, so that no episode depends on which ones ran before it.
+
+        Raises:
+            GavelError: the contestant's agent, planner, understanding or prior is not known or not usable.
+        """
+        understanding = _understanding(contestant.understanding, instruction) if contestant.understanding else None
+        return gavel_agents.make(
+            contestant.agent,
+            understanding=understanding,
+            model=self._model(contestant.planner),
+            prior=contestant.prior or "choice",
+            profile=Profile(self.settings.profile),
+            seed=seed,
+        )
+
+    def _model(self, planner: str) -> ChatModel | None:
+        if planner and planner not in self._models:
+            self._models[planner] = load_model(planner)
+        return self._models.get(planner)
+
+    def _environment(self, kind: str, instruction: Instruction) -> gym.Env[Any, Any]:
+        """Return the environment of a kind, made at its first episode."""
+        if kind not in self._environments:
+            self._environments[kind] = gym.make(
+                ENVIRONMENTS[kind],
+                max_episode_steps=self.settings.max_steps,
+                disable_env_checker=True,
+                instructions=[instruction],
+                profile=self.settings.profile,
+                on_violation="terminate",
+                terminate_on_success=False,
+                **self.settings.options,
+            )
+        return self._environments[kind]
+
+    def run(self, episode: Episode, timeout_s: float | None = None) -> EpisodeRecord:
+        """Run one episode and return its record; whatever happens, there is one.
+
+        Args:
+            episode: what to run.
+            timeout_s: seconds after which the episode ends between two actions.
+        """
+        if episode.instruction is None:
+            return episode.record("rejected", error=scrub(episode.rejected))
+        progress = _Progress(self._model(episode.contestant.planner))
+        try:
+            return self._play(episode, episode.instruction, progress, timeout_s)
+        except (Exception, SystemExit) as error:  # noqa: BLE001  the episode boundary: one crash must not end the run
+            self._environments.pop(episode.kind, None)
+            if isinstance(error, GavelError) and not progress.started:
+                return episode.record("rejected", error=scrub(str(error)), **progress.fields())
+            name = type(error).__name__
+            return episode.record("error", f"error:{name}", error=describe_error(error), **progress.fields())
+
+    def _play(
+        self, episode: Episode, instruction: Instruction, progress: _Progress, timeout_s: float | None
+    ) -> EpisodeRecord:
+        clock = time.perf_counter
+        begun = clock()
+        env = self._environment(episode.kind, instruction)
+        observation, info = env.reset(seed=episode.key.seed, options={"instruction": instruction})
+        progress.started = True
+        agent = progress.agent = self.agent(episode.contestant, instruction, episode.key.seed)
+        if isinstance(agent, Privileged):
+            agent.reveal(env.unwrapped)
+        entered = clock()
+        progress.seconds["setup"] = entered - begun
+        agent.reset(observation, info)
+        stopped_by = ""
+        while not stopped_by:
+            action = agent.act(observation, info)
+            asked = clock()
+            progress.seconds["agent"] += asked - entered
+            if action is None:
+                break
+            observation, _, _, truncated, info = env.step(action)
+            entered = clock()
+            progress.seconds["execute"] += entered - asked
+            progress.metres = float(info["metres"])
+            step = _step(action, info)
+            progress.steps.append(step)
+            if step.outcome != "ok":
+                stopped_by = "violation"
+            elif truncated:
+                stopped_by = "truncated"
+            elif timeout_s is not None and entered - begun > timeout_s:
+                stopped_by = "timeout"
+        env_world = cast("GavelEnv", env.unwrapped)
+        judgement = env_world.judge()
+        hidden = env_world.privileged_state().graph
+        fields = progress.fields()
+        outcome, failure = _class(stopped_by, judgement, fields["trace"].stopped)
+        return episode.record(
+            outcome,
+            failure,
+            unmet=judgement.unmet,
+            unsafe=judgement.unsafe,
+            tasks_met=tuple(not unmet(task.parsed_goal(), hidden) for task in instruction.tasks),
+            **fields,
+        )
+
+
+def _class(stopped_by: str, judgement: Judgement, stopped: str) -> tuple[str, str]:
+    """Return (outcome, failure class) of an episode that was played to its end."""
+    if stopped_by == "violation" and judgement.violation is not None:
+        return "violation", f"violation:{judgement.violation.kind.value}"
+    if stopped_by:
+        return stopped_by, stopped_by
+    if stopped.startswith(_NOT_UNDERSTOOD):
+        reason = stopped.removeprefix(_NOT_UNDERSTOOD).strip(": ").partition(":")[0]
+        return "refused", f"refused:{reason}" if reason else "refused"
+    if judgement.unmet:
+        return "unmet", "unmet:" + judgement.unmet[0].partition("(")[0]
+    if judgement.unsafe:
+        return "unsafe", "unsafe:" + judgement.unsafe[0].partition("(")[0]
+    return "success", ""
+
+
+def _step(action: EnvAction, info: Mapping[str, Any]) -> Step:
+    observed: Observed = info["observed"]
+    violation = info["violation"]
+    return Step(
+        action=str(Action(action.primitive, action.target)),
+        outcome=info["outcome"],
+        metres=round(float(info["step_metres"]), 3),
+        reached=observed.reached,
+        route=simplified(observed.layout.points(np.asarray(info["route"], np.int32))) if info["route"] else (),
+        detail="" if violation is None else str(violation),
+    )
+
+
+def simplified(points: NDArray[np.float64]) -> tuple[tuple[float, float], ...]:
+    """Return the ends and turning points of a polyline, to 1 cm.
+
+    Args:
+        points: (n, 2) x, y in metres.
+    """
+    if len(points) > 2:
+        before, after = np.diff(points[:-1], axis=0), np.diff(points[1:], axis=0)
+        straight = np.isclose(before, after).all(axis=1)
+        points = points[np.concatenate([[True], ~straight, [True]])]
+    return tuple((round(x, 2), round(y, 2)) for x, y in points.tolist())
+
+
+def _understanding(name: str, instruction: Instruction) -> Understanding:
+    """Return an understanding by name.
+
+    Raises:
+        UnknownUnderstanding: with the alternatives.
+    """
+    if name == "reference":
+        return ReferenceUnderstanding([instruction])
+    near = nearest_names(name, UNDERSTANDINGS) or UNDERSTANDINGS
+    raise UnknownUnderstanding(f"unknown understanding {name!r}; known: {', '.join(near)}")
