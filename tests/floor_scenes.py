@@ -78,3 +78,20 @@ def empty_room() -> Scene:
     return Scene(
         format=FORMAT, scene="box", outline="generated", source="tests", rooms=(room,), openings=(), furniture=()
     )
+
+
+def room_with_niche() -> Scene:
+    """A hall of 10 m by 5 m with a niche around a corner, less than a twentieth of its floor, and lamps in it."""
+    corners = ((0.0, 0.0), (10.0, 0.0), (10.0, 7.2), (9.0, 7.2), (9.0, 5.0), (0.0, 5.0))
+    room = RoomOutline(id="hall_0", type="hall", polygon=corners, area_m2=52.2)
+    deep = _piece("floor_lamp_0", "hall_0", 9.2, 7.0, 0.0, (0.3, 0.3, 0.5))
+    corner = _piece("table_lamp_0", "hall_0", 9.15, 5.6, 0.0, (0.1, 0.1, 0.3))
+    return Scene(
+        format=FORMAT,
+        scene="niche",
+        outline="generated",
+        source="tests",
+        rooms=(room,),
+        openings=(),
+        furniture=(deep, corner),
+    )

@@ -9,7 +9,7 @@ from unittest.mock import ANY
 
 import numpy as np
 import pytest
-from floor_scenes import flat
+from floor_scenes import flat, room_with_niche
 from random_worlds import HOUSES, accepted_plan, at, furnished
 
 from gavel_env import sight_kernels
@@ -128,6 +128,25 @@ def test_what_cannot_be_reached_is_unreachable() -> None:
     assert "shelf_0" in executor.graph.world.nodes
     assert outcome.violation == Violation(ViolationKind.UNREACHABLE, "shelf_0")
     assert executor.step(Action(GO, "shelf_0")) == (Action(GO, "shelf_0"), outcome.violation, 0.0, ANY, (), ())
+
+
+def test_a_search_looks_around_the_last_corner() -> None:
+    scene = room_with_niche()
+    executor = Executor(scene, scene_graph(scene))
+    assert "floor_lamp_0" not in executor.graph.world.nodes
+    assert executor.step(Action(GO, "floor_lamp")).ok
+
+
+def test_a_search_that_finds_nothing_leaves_what_was_near() -> None:
+    executor = _flat()
+    for action in (Action(GO, "bowl"), Action(GRASP, "bowl_0"), Action(GO, "fridge")):
+        assert executor.step(action).ok
+    assert not _search_everywhere(executor).ok
+    assert executor.observed.metres > 0.0
+    for graph in (executor.graph, executor.hidden):
+        assert graph.near == {"bowl_0", "apple_1"}
+        assert graph.robot_room == executor.floor.room_of(executor.observed.cell)
+    assert executor.step(Action(OPEN, "fridge_0")).violation == Violation(ViolationKind.NOT_NEAR, "fridge_0")
 
 
 def test_a_refused_action_changes_nothing() -> None:
