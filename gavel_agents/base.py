@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import Any, Protocol, runtime_checkable
 
 import msgspec
 
 from gavel_env.observed import EnvAction
 
-__all__ = ["Agent", "AgentTrace", "Privileged", "TaskTrace"]
+__all__ = ["Agent", "AgentTrace", "Privileged", "TaskTrace", "stage"]
 
 
 class TaskTrace(msgspec.Struct, kw_only=True):
@@ -78,3 +80,17 @@ class Privileged(Protocol):
     def reveal(self, env: Any) -> None:
         """Take what it needs from the environment's one privileged call."""
         ...
+
+
+class stage:
+    """Adds the seconds of a block to a stage of the trace."""
+
+    def __init__(self, trace: AgentTrace, name: str, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._trace, self._name, self._clock = trace, name, clock
+
+    def __enter__(self) -> None:
+        self._start = self._clock()
+
+    def __exit__(self, *_: object) -> None:
+        spent = self._clock() - self._start
+        self._trace.seconds[self._name] = self._trace.seconds.get(self._name, 0.0) + spent

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from gavel_agents.base import AgentTrace
+from gavel_agents.base import AgentTrace, stage
 from gavel_agents.belief import Belief, Prior
 from gavel_agents.believed import believed_graph, observe_flags
 from gavel_agents.binding import Binder
@@ -21,7 +21,7 @@ from gavel_agents.cost import Place, TravelModel
 from gavel_agents.llm import ChatModel
 from gavel_agents.methods import MethodConfig
 from gavel_agents.ordering import expected_costs, orderings
-from gavel_agents.proposals import Planned, Problem, edited_plans, proposed_plans, stage
+from gavel_agents.proposals import Planned, Problem, edited_plans, proposed_plans
 from gavel_agents.understanding import TaskUnderstanding, Understanding
 from gavel_agents.validation import Plan, validate
 from gavel_env.actions import Action

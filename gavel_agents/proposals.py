@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import msgspec
 
-from gavel_agents.base import AgentTrace, TaskTrace
+from gavel_agents.base import AgentTrace, TaskTrace, stage
 from gavel_agents.complaint import complain
 from gavel_agents.llm import ChatModel, Message, Prompt
 from gavel_agents.methods import MethodConfig
@@ -152,17 +151,3 @@ def _summary(verdict: Verdict) -> str:
     if verdict.unsafe:
         return "unsafe: " + ", ".join(f"{flag.name.lower()}({obj})" for flag, obj in verdict.unsafe)
     return "valid"
-
-
-class stage:
-    """Adds the seconds of a block to a stage of the trace."""
-
-    def __init__(self, trace: AgentTrace, name: str, clock: Callable[[], float] = time.perf_counter) -> None:
-        self._trace, self._name, self._clock = trace, name, clock
-
-    def __enter__(self) -> None:
-        self._start = self._clock()
-
-    def __exit__(self, *_: object) -> None:
-        spent = self._clock() - self._start
-        self._trace.seconds[self._name] = self._trace.seconds.get(self._name, 0.0) + spent

@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal
 
 import gymnasium as gym
 import msgspec
-import numpy as np
-from gymnasium import spaces
 
-from gavel_env.actions import Primitive
+from gavel_env.codec import ActionCodec
 from gavel_env.config import DEFAULT_ROBOT, RobotConfig
 from gavel_env.dynamics import Profile
 from gavel_env.episode import Episode, Judgement, Privileged
-from gavel_env.errors import GavelError, InstructionError, UnknownInstruction, nearest_names
-from gavel_env.goals import Designator
-from gavel_env.instructions import Instruction, InstructionSet, parse_instruction, read_instructions, shipped
+from gavel_env.errors import GavelError, InstructionError, UnknownInstruction
+from gavel_env.instructions import Instruction, parse_instruction
 from gavel_env.observation import (
     INSTRUCTION_CHARACTERS,
     MAX_INSTRUCTION,
-    MAX_ROOMS,
     GraphEncoder,
     observation_space,
     small_observation,
@@ -30,13 +24,13 @@ from gavel_env.observation import (
 from gavel_env.observed import EnvAction, Observed
 from gavel_env.ontology import default_ontology
 from gavel_env.rewards import RewardWeights
+from gavel_env.sources import InstructionSource, gather
 
 if TYPE_CHECKING:
     from gavel_env.camera import EpisodeCamera
 
-__all__ = ["BadEnvironmentOption", "GavelEnv", "InstructionSource"]
+__all__ = ["BadEnvironmentOption", "GavelEnv"]
 
-InstructionSource: TypeAlias = str | Path | InstructionSet | Iterable[Instruction | Mapping[str, Any]]
 Observation = dict[str, Any]
 
 
@@ -60,7 +54,7 @@ class GavelEnv(gym.Env[Observation, Any]):
     | key | space | meaning |
     |---|---|---|
     | `primitive` | `Discrete(9)` | `gavel_env.Primitive` |
-    | `target` | `Discrete(max_nodes + categories)` | below `max_nodes`: the node of the observed graph; above: the category `target - max_nodes` of the ontology |
+    | `target` | `Discrete(max_nodes + categories)` | a node of the observed graph, or `max_nodes` + a category |
     | `search_prior` | `Box(-1, 1, (64,))` | one weight per room, in the order of the graph's room nodes |
 
     A category that `NavigateTo` is given stands for the nearest known instance; if none is known, the robot goes and
@@ -78,7 +72,7 @@ class GavelEnv(gym.Env[Observation, Any]):
 
     | key | space | meaning |
     |---|---|---|
-    | `graph` | `Graph` | nodes: `gavel_env.observation.NODE_COLUMNS`; edges: `EdgeType`; node 0 is the robot, then the rooms, then objects in the order of first sight |
+    | `graph` | `Graph` | the robot (node 0), the rooms, then objects in the order of first sight |
     | `holding` | `Discrete` | node of the held object; 0 = nothing |
     | `instruction` | `Text` | the sentences to carry out |
     | `metres` | `Box(1)` | driven so far |
@@ -86,6 +80,9 @@ class GavelEnv(gym.Env[Observation, Any]):
     | `pose` | `Box(4)` | x, y in metres, cosine and sine of the heading |
     | `room` | `Discrete(65)` | index of the robot's room; 64 = none |
     | `searched` | `MultiBinary(64)` | rooms searched completely |
+
+    Columns of a node: `gavel_env.observation.NODE_COLUMNS`; relations of the edges: `EdgeType`. A category is its index
+    in the ontology.
 
     `info["observed"]` is the same as a frozen `gavel_env.Observed`, with the observed `SceneGraph` and the map of the
     rooms. Nothing in either names an object that has not been observed.
@@ -140,7 +137,10 @@ class GavelEnv(gym.Env[Observation, Any]):
     - v0: first version.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "ansi"], "render_fps": 2}
+    metadata: dict[str, Any] = {  # noqa: RUF012  # as the base class declares it
+        "render_modes": ["rgb_array", "ansi"],
+        "render_fps": 2,
+    }
 
     def __init__(
         self,
@@ -167,19 +167,13 @@ class GavelEnv(gym.Env[Observation, Any]):
         self.robot = _options(RobotConfig, robot, DEFAULT_ROBOT)
         self.reward = _options(RewardWeights, reward, RewardWeights())
         self.max_nodes = max_nodes
-        self._instructions = _instructions(instructions, scenes)
+        self._instructions = gather(instructions, scenes)
         self.instruction_ids = tuple(self._instructions)
         self._ontology = default_ontology()
-        self.categories = tuple(self._ontology)
+        self._codec = ActionCodec(self._ontology, max_nodes)
         self._with_graph = observation == "graph"
         self.observation_space = observation_space(max_nodes, with_graph=self._with_graph)
-        self.action_space = spaces.Dict(
-            {
-                "primitive": spaces.Discrete(len(Primitive)),
-                "search_prior": spaces.Box(-1.0, 1.0, (MAX_ROOMS,), np.float64),
-                "target": spaces.Discrete(max_nodes + len(self.categories)),
-            }
-        )
+        self.action_space = self._codec.space
         self._episode: Episode | None = None
         self._camera: EpisodeCamera | None = None
         self._over = False
@@ -209,6 +203,7 @@ class GavelEnv(gym.Env[Observation, Any]):
             instruction, profile=self.profile, robot=self.robot, ontology=self._ontology, rng=self.np_random
         )
         self._encoder = GraphEncoder(self._episode.layout, self._ontology, self.max_nodes)
+        self._encoder.check_size(len(self._episode.executor.hidden.world.nodes))
         self._over = False
         self._steps = 0
         if self.render_mode == "rgb_array":
@@ -225,12 +220,15 @@ class GavelEnv(gym.Env[Observation, Any]):
             action: in the form of the action space, or an `EnvAction`.
 
         Raises:
-            BadEnvironmentOption: before `reset`, after the end, or an action of neither form.
+            BadAction: an action of neither form.
+            BadEnvironmentOption: before `reset`, or after the end.
             UnknownObject, BadSearchPrior: the search prior of an `EnvAction` names no room, or has a bad weight.
         """
         episode = self._running()
-        named, excluded = (action, frozenset()) if isinstance(action, EnvAction) else self._named(action)
-        outcome = episode.step(named, excluded)
+        if isinstance(action, EnvAction):
+            outcome = episode.step(action)
+        else:
+            outcome = episode.step(*self._codec.decode(action, self._encoder))
         self._steps += 1
         violation = outcome.violation
         success = False
@@ -267,78 +265,39 @@ class GavelEnv(gym.Env[Observation, Any]):
         return self._started().judge(violations_count=self.on_violation == "terminate")
 
     def privileged_state(self) -> Privileged:
-        """Return the hidden state: the one call that the oracle is allowed and no other agent."""
+        """Return the hidden state: for records, not for agents."""
         return self._started().privileged()
 
-    def encode(self, action: EnvAction, search_prior: Mapping[str, float] | None = None) -> dict[str, Any]:
-        """Return an action in the form of the action space.
+    def reveal(self) -> Privileged:
+        """Return the hidden state and make every object observed: the oracle's one call, allowed to no other agent."""
+        return self._started().reveal()
 
-        Args:
-            action: in names; a room in its target becomes negative weights of the other rooms.
-            search_prior: replaces the action's.
+    def encode(self, action: EnvAction, search_prior: Mapping[str, float] | None = None) -> dict[str, Any]:
+        """Return an action in the form of the action space; `search_prior` replaces the action's own.
 
         Raises:
-            BadEnvironmentOption: the target is neither an observed id nor a category, or `other_than` is not empty:
-                the action space cannot say it.
+            BadAction: the target is neither an observed id nor a category, or the space cannot say the action.
         """
         self._started()
-        if action.other_than:
-            raise BadEnvironmentOption("the action space cannot say `other_than`; pass the EnvAction itself to step")
-        weights = np.zeros(MAX_ROOMS)
-        prior = action.search_prior if search_prior is None else search_prior
-        most = max((1.0, *(prior or {}).values()))
-        for room, weight in (prior or {}).items():
-            weights[self._encoder.node[room] - 1] = weight / most
-        target = 0
-        if action.target is not None and action.primitive.takes_target:
-            target = self._target_index(action.target, weights)
-        return {"primitive": int(action.primitive), "search_prior": weights, "target": target}
+        if search_prior is not None:
+            action = action._replace(search_prior=search_prior)
+        return self._codec.encode(action, self._encoder)
 
     def decode(self, action: Mapping[str, Any]) -> EnvAction:
-        """Return an action of the action space in names; rooms with negative weight are left out of the prior."""
+        """Return an action of the action space in names.
+
+        Raises:
+            BadAction: the action has not the form of the action space.
+        """
         self._started()
-        return self._named(action)[0]
+        return self._codec.decode(action, self._encoder).action
+
+    def node_name(self, node: int) -> str | None:
+        """Return the id of a node of the observed graph; None for the robot (node 0) and for unused indices."""
+        self._started()
+        return self._encoder.name(node)
 
     # --- inside --------------------------------------------------------------------------------------------------
-
-    def _target_index(self, target: str, weights: np.ndarray[Any, Any]) -> int:
-        node = self._encoder.node.get(target)
-        if node is not None:
-            return node
-        designator = Designator.parse(target)
-        category = self._ontology.index.get(designator.name)
-        if category is None:
-            known = [*self._encoder.node, *self.categories]
-            near = ", ".join(nearest_names(target, known)) or "none"
-            raise BadEnvironmentOption(f"target {target!r} is no observed id and no category; nearest: {near}")
-        if designator.room is not None:
-            for index, room in enumerate(self._started().scene.rooms):
-                if designator.room not in (room.id, room.type):
-                    weights[index] = -1.0
-        return self.max_nodes + category
-
-    def _named(self, action: Any) -> tuple[EnvAction, frozenset[str]]:
-        """Return an action of the action space in names, and the rooms that it excludes."""
-        try:
-            primitive = Primitive(int(action["primitive"]))
-            target = int(action["target"])
-            weights = action["search_prior"]
-        except (KeyError, TypeError, ValueError, IndexError) as error:
-            raise BadEnvironmentOption(
-                f"action {action!r} is neither an EnvAction nor a dict of primitive, target and search_prior"
-            ) from error
-        if not primitive.takes_target:
-            return EnvAction(primitive), frozenset()
-        if target < self.max_nodes:
-            return EnvAction(primitive, self._encoder.name(target) or f"node_{target}"), frozenset()
-        rooms = self._encoder.rooms
-        name = self.categories[target - self.max_nodes]
-        if primitive is not Primitive.NAVIGATE_TO and not np.any(weights):
-            return EnvAction(primitive, name), frozenset()
-        values = np.asarray(weights).tolist()
-        prior = {room: weight for room, weight in zip(rooms, values, strict=False) if weight > 0.0}
-        excluded = frozenset(room for room, weight in zip(rooms, values, strict=False) if weight < 0.0)
-        return EnvAction(primitive, name, prior), excluded
 
     def _choose(self, options: Mapping[str, Any]) -> Instruction:
         if unknown := sorted(set(options) - {"instruction"}):
@@ -427,35 +386,3 @@ def _options(kind: Any, given: Any, default: Any) -> Any:
     except (msgspec.ValidationError, TypeError, ValueError) as error:
         known = ", ".join(kind.__struct_fields__)
         raise BadEnvironmentOption(f"{kind.__name__}: {error}; fields: {known}") from error
-
-
-def _instructions(source: InstructionSource, scenes: Iterable[str] | None) -> Mapping[str, Instruction]:
-    """Return the instructions by id, those in other scenes left out.
-
-    Raises:
-        InstructionError: the file is unreadable, or nothing is left.
-        UnknownInstruction: no shipped file has this name.
-    """
-    records: Mapping[str, Instruction]
-    if isinstance(source, InstructionSet):
-        records = source
-    elif isinstance(source, str | Path):
-        path = Path(source) if isinstance(source, Path) or source.endswith(".jsonl") else shipped(source)
-        records = _read(str(path), path.stat().st_mtime_ns if path.exists() else 0)
-    else:
-        parsed = [parse_instruction(record, f"instructions[{i}]") for i, record in enumerate(source)]
-        records = {record.id: record for record in parsed}
-        if len(records) < len(parsed):
-            raise InstructionError("two of the instructions given share an id")
-    wanted = None if scenes is None else set(scenes)
-    kept = {name: records[name] for name in records if wanted is None or records[name].scene in wanted}
-    if not kept:
-        there = ", ".join(sorted({records[name].scene for name in records}))
-        where = f" in the scenes {', '.join(sorted(wanted or ()))}; scenes there: {there}" if wanted else ""
-        raise InstructionError(f"no instruction is left{where}")
-    return kept
-
-
-@lru_cache(maxsize=16)
-def _read(path: str, _modified_ns: int) -> InstructionSet:
-    return read_instructions(path)

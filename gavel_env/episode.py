@@ -217,6 +217,12 @@ class Episode:
                 return False
         return not unmet(self.goal, hidden) and not unsafe(self.start, hidden, self.goal)
 
+    def reveal(self) -> Privileged:
+        """Make every object observed, and return the hidden state."""
+        self.executor.reveal()
+        self.observed = self._view("", None)
+        return self.privileged()
+
     def privileged(self) -> Privileged:
         """Return the hidden state."""
         executor = self.executor

@@ -104,9 +104,9 @@ class Executor:
         self._ontology = ontology or default_ontology()
         self._robot = Robot(self.floor, self._see)
         self._hidden = msgspec.structs.replace(hidden, robot_room=self._robot.room, near=frozenset())
-        self._places = Places(self.floor, hidden, rng or np.random.default_rng(0))
+        self.places = Places(self.floor, hidden, rng or np.random.default_rng(0))
         self._observed: dict[str, None] = {}
-        self._unseen_spots = dict(self._places.spots)
+        self._unseen_spots = dict(self.places.spots)
         self._searched: list[str] = []
         self._robot.scan()
         self._note_searched()
@@ -173,17 +173,22 @@ class Executor:
             tuple(self._searched[before[1] :]),
         )
 
+    def reveal(self) -> None:
+        """Observe everything: what the oracle's privileged call does, and nothing else."""
+        self._observe(self._hidden.world.nodes)
+        self._graph = observed_part(self._hidden, self._observed)
+
     def measured_distance_m(self, obj: str) -> float:
         """Return the distance that `near` is measured by, in metres; 0 for what is in the hand."""
-        return self._places.distance_m(self._hidden, obj, self._robot.cell)
+        return self.places.distance_m(self._hidden, obj, self._robot.cell)
 
     def position(self, obj: str) -> tuple[float, float]:
         """Return x, y in metres of what holds an object up: its nearest fixed holder, its floor cell, or the robot."""
-        return self._places.position(self._hidden, obj, self._robot.cell)
+        return self.places.position(self._hidden, obj, self._robot.cell)
 
     def stances(self, obj: str) -> Indices:
         """Return the cells to work on an object from, (n,) flat; empty if the robot cannot get at it."""
-        return self._places.stances(self._hidden, obj, self._robot.cell)
+        return self.places.stances(self._hidden, obj, self._robot.cell)
 
     # --- preconditions and effects -------------------------------------------------------------------------------
 
@@ -199,9 +204,9 @@ class Executor:
         held = self._hidden.holding
         self._hidden = apply(self._hidden, action)
         if action.primitive is Primitive.GRASP and action.target is not None:
-            self._places.spots.pop(action.target, None)
+            self.places.spots.pop(action.target, None)
         elif action.primitive is Primitive.RELEASE and held is not None:
-            self._places.spots[held] = self._robot.cell
+            self.places.spots[held] = self._robot.cell
         elif action.primitive is Primitive.OPEN and action.target is not None:
             self._observe(revealed(self._hidden, action.target))
 

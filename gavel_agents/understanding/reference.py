@@ -12,7 +12,7 @@ __all__ = ["ReferenceUnderstanding"]
 
 
 class ReferenceUnderstanding:
-    """Answers from the instruction records themselves (goals, and stated relations from `meta["understanding"]`)."""
+    """Answers from the instruction records themselves (goals, and stated relations from `meta["targets"]`)."""
 
     name = "reference"
 
@@ -24,7 +24,7 @@ class ReferenceUnderstanding:
         instruction = self._by_text.get(text)
         if instruction is None:
             return Decomposition((), f"unknown_instruction: {text[:80]!r}")
-        stated = instruction.meta.get("understanding", ())
+        stated = instruction.meta.get("targets", ())
         tasks = [
             _task(spec, tuple(stated[index].get("relations", ())) if index < len(stated) else ())
             for index, spec in enumerate(instruction.tasks)

@@ -1,0 +1,120 @@
+"""The cost reference: reference subplans, ground-truth locations, and the ordering that drives the fewest metres.
+
+The oracle alone is privileged: `reveal` takes the environment's one privileged call, which makes every object known.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gavel_agents.base import AgentTrace, TaskTrace, stage
+from gavel_env.actions import Action, Primitive
+from gavel_env.dynamics import apply, first_violation
+from gavel_env.episode import Privileged
+from gavel_env.goals import Goal, unmet
+from gavel_env.graph import SceneGraph
+from gavel_env.observed import EnvAction
+
+__all__ = ["OracleAgent"]
+
+
+class _Driven:
+    """Where a simulated robot is after driving some reference plans."""
+
+    def __init__(self, state: Privileged) -> None:
+        self._state = state
+        self._metres: dict[tuple[int, tuple[int, ...]], tuple[float, int]] = {}
+
+    def follow(self, plan: Sequence[Action], graph: SceneGraph, cell: int) -> tuple[float, SceneGraph, int] | None:
+        """Return metres, graph and cell after a plan, or None if it is refused."""
+        metres = 0.0
+        for action in plan:
+            if first_violation(graph, action, self._state.executor.profile) is not None:
+                return None
+            if action.primitive is Primitive.NAVIGATE_TO and action.target is not None:
+                driven, cell = self._leg(graph, action.target, cell)
+                metres += driven
+            graph = apply(graph, action)
+        return metres, graph, cell
+
+    def _leg(self, graph: SceneGraph, target: str, cell: int) -> tuple[float, int]:
+        stances = self._state.executor.places.stances(graph, target, cell)
+        key = (cell, tuple(stances.tolist()))
+        if key not in self._metres:
+            route = self._state.floor.route(cell, stances)
+            self._metres[key] = (np.inf, cell) if route is None else (route.metres, int(route.cells[-1]))
+        return self._metres[key]
+
+
+class OracleAgent:
+    """Knows where everything is."""
+
+    name = "oracle"
+
+    def __init__(self) -> None:
+        self.trace = AgentTrace()
+        self._state: Privileged | None = None
+
+    def reveal(self, env: Any) -> None:
+        """Take the hidden state of the episode that has just begun."""
+        self._state = env.unwrapped.reveal()
+
+    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+        """Order the reference plans by the metres they really take.
+
+        Raises:
+            RuntimeError: `reveal` has not been called for this episode.
+        """
+        if self._state is None or self._state.instruction.id != info["instruction_id"]:
+            raise RuntimeError("the oracle needs reveal(env) after env.reset(...) and before its own reset(...)")
+        state = self._state
+        self.trace = AgentTrace(tasks=[], order=[], seconds={}, prompts=[], completions=[])
+        plans = [task.parsed_plan() for task in state.instruction.tasks]
+        for task in state.instruction.tasks:
+            self.trace.tasks.append(
+                TaskTrace(text=task.text, goal=task.goal, plan=task.reference_plan, verdict="reference")
+            )
+        with stage(self.trace, "order"):
+            order = _cheapest(state, plans)
+        self.trace.order.extend(order)
+        self._left = deque(action for index in order for action in plans[index])
+
+    def act(self, observation: Any, info: Mapping[str, Any]) -> EnvAction | None:
+        """Return the next step of the reference plans; None at their end or after a refusal."""
+        if info["outcome"] not in ("", "ok"):
+            self.trace.stopped = f"refused: {info['outcome']}"
+            return None
+        return EnvAction.of(self._left.popleft()) if self._left else None
+
+
+def _cheapest(state: Privileged, plans: Sequence[Sequence[Action]]) -> tuple[int, ...]:
+    """Return the ordering of fewest metres among those that run and meet the whole goal; ties in written order.
+
+    Orderings are grown task by task, so that common beginnings are driven once; a beginning that already takes longer
+    than the best whole ordering is cut off.
+    """
+    goal: Goal = state.instruction.goal()
+    driven = _Driven(state)
+    written = tuple(range(len(plans)))
+    best: tuple[float, tuple[int, ...]] = (float("inf"), written)
+
+    def grow(order: tuple[int, ...], metres: float, graph: SceneGraph, cell: int) -> None:
+        nonlocal best
+        if metres >= best[0] - 1e-9:
+            return
+        if len(order) == len(plans):
+            if not unmet(goal, graph):
+                best = (metres, order)
+            return
+        for index in itertools.filterfalse(order.__contains__, written):
+            after = driven.follow(plans[index], graph, cell)
+            if after is not None:
+                grow((*order, index), metres + after[0], after[1], after[2])
+
+    grow((), 0.0, state.graph, state.cell)
+    return best[1]
