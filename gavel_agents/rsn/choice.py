@@ -20,11 +20,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors.numpy import save_file
 
 from gavel_agents.rsn.data import Contents, RoomInfo, queries, room_types
-from gavel_agents.rsn.encoder import PhraseTable, read_tensors
+from gavel_agents.rsn.encoder import PhraseTable
 from gavel_agents.rsn.optimise import minimise
+from gavel_agents.rsn.tensors import read_tensors, write_tensors
 
 __all__ = ["LINEAR", "ChoiceConfig", "ChoiceModel", "fit_choice"]
 
@@ -48,7 +48,7 @@ class ChoiceConfig:
         room_terms: use the similarity of names and the size of rooms.
     """
 
-    penalty: float = 0.3
+    penalty: float = 0.6
     residual: float = 0.7
     sharing: float = 0.5
     room_terms: bool = True
@@ -147,7 +147,7 @@ class ChoiceModel:
             "categories": json.dumps(self.categories),
             "sharing": repr(self.sharing),
         }
-        save_file(tensors, folder / "choice.safetensors", notes)
+        write_tensors(folder / "choice.safetensors", tensors, notes)
 
     @classmethod
     def load(cls, folder: Path, encoder: str) -> ChoiceModel:

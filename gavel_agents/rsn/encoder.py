@@ -17,11 +17,10 @@ from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
 
 from gavel_agents.rsn.minilm import MiniLM, packaged_model
-from gavel_env.errors import DataError, GavelError
+from gavel_agents.rsn.tensors import read_tensors, write_tensors
+from gavel_env.errors import GavelError
 
 __all__ = [
     "PACKAGED",
@@ -150,7 +149,7 @@ class PhraseTable:
     def save(self, folder: Path) -> None:
         """Write `phrases.safetensors`."""
         notes = {"format": FORMAT, "encoder": self.encoder, "phrases": json.dumps(list(self._row))}
-        save_file({"embeddings": self._vectors}, folder / "phrases.safetensors", notes)
+        write_tensors(folder / "phrases.safetensors", {"embeddings": self._vectors}, notes)
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and phrase_of(name) in self._row
@@ -204,26 +203,3 @@ class PhraseTable:
 def _words(phrase: str) -> list[str]:
     return [w[:-1] if len(w) > 3 and w.endswith("s") and not w.endswith("ss") else w for w in
             re.findall(r"[a-z0-9]+", phrase.lower())]  # fmt: skip
-
-
-def read_tensors(
-    path: Path, file_format: str, encoder: str | None = None
-) -> tuple[dict[str, NDArray[np.floating]], dict[str, str]]:
-    """Read a safetensors file and its metadata.
-
-    Raises:
-        DataError: the file is missing, corrupt, of another format version, or made with another encoder than `encoder`.
-    """
-    try:
-        with safe_open(path, framework="numpy") as file:
-            notes = dict(file.metadata() or {})
-            tensors = {name: file.get_tensor(name) for name in sorted(file.keys())}
-    except OSError as error:
-        raise DataError(f"weights {path.name} cannot be read: {error}") from error
-    except SafetensorError as error:
-        raise DataError(f"weights {path.name} are corrupt: {error}") from error
-    if notes.get("format") != file_format:
-        raise DataError(f"weights {path.name} have format {notes.get('format')!r}; this version reads {file_format!r}")
-    if encoder is not None and notes.get("encoder") != encoder:
-        raise DataError(f"weights {path.name} are of encoder {notes.get('encoder')!r}, the table of {encoder!r}")
-    return tensors, notes

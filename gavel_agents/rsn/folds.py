@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors.numpy import save_file
 
-from gavel_agents.rsn.encoder import read_tensors
+from gavel_agents.rsn.tensors import read_tensors, write_tensors
 
 __all__ = ["FOLDS", "FOLD_SEED", "HeldOut"]
 
@@ -54,7 +53,7 @@ class HeldOut:
             "types": json.dumps(self.types),
         }
         tensors = {"seen": self.seen.astype(np.float16), "unseen": self.unseen.astype(np.float16)}
-        save_file(tensors, folder / "rsn_folds.safetensors", notes)
+        write_tensors(folder / "rsn_folds.safetensors", tensors, notes)
 
     @classmethod
     def load(cls, folder: Path, encoder: str) -> HeldOut:

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors.numpy import save_file
 
 from gavel_agents.rsn.data import RoomInfo
-from gavel_agents.rsn.encoder import PhraseTable, read_tensors
+from gavel_agents.rsn.encoder import PhraseTable
+from gavel_agents.rsn.tensors import read_tensors, write_tensors
 
 __all__ = ["HIDDEN", "RsnModel", "split_over_instances"]
 
@@ -79,7 +79,7 @@ class RsnModel:
             "types": json.dumps(self.types),
             "platt": json.dumps(self.platt),
         }
-        save_file(tensors, folder / "rsn.safetensors", notes)
+        write_tensors(folder / "rsn.safetensors", tensors, notes)
 
     @classmethod
     def load(cls, folder: Path, encoder: str) -> RsnModel:
