@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,16 @@ def register(subparsers: Any) -> None:
     show.add_argument("--no-labels", action="store_true", help="leave out the names of rooms and pieces")
     show.set_defaults(run=_show)
 
+    imported = family.add_parser(
+        "import-omnigibson", help="read a scene folder of the BEHAVIOR-1K data set (scenes/NAME) into a scene file"
+    )
+    imported.add_argument("path", type=Path, help="the folder, with `layout` and `json` in it")
+    imported.add_argument("--out", type=Path, metavar="FILE", help="scene file to write (default: NAME.json)")
+    imported.add_argument(
+        "--objects", type=Path, metavar="DIR", help="the data set's `objects` folder, for exact sizes"
+    )
+    imported.set_defaults(run=_import)
+
 
 def _floor_m2(scene: Scene) -> float:
     return sum(room.area_m2 for room in scene.rooms)
@@ -43,7 +54,8 @@ def _list(arguments: argparse.Namespace) -> int:
     for scene in scenes:
         counts = (len(scene.rooms), f"{_floor_m2(scene):.0f}", len(scene.furniture), len(scene.items))
         table.add_row(scene.scene, scene.outline, *map(str, counts))
-    Console().print(table)
+    # Into a file or a pipe, names are not cut to the 80 columns that rich assumes there.
+    Console(width=None if sys.stdout.isatty() else 100).print(table)
     rooms, pieces = sum(len(scene.rooms) for scene in scenes), sum(len(scene.furniture) for scene in scenes)
     print(f"{len(scenes)} scenes, {rooms} rooms, {pieces} pieces, {sum(len(scene.items) for scene in scenes)} items")
     return 0
@@ -78,3 +90,19 @@ def _print_contents(scene: Scene) -> None:
         print(f"{len(scene.items)} items: " + ", ".join(f"{i.id} {i.relation} {i.holder}" for i in scene.items))
     for left_out in scene.not_placed:
         print(f"not placed in {left_out.room}: {left_out.count} × {left_out.category} ({left_out.reason})")
+
+
+def _import(arguments: argparse.Namespace) -> int:
+    from gavel_env.omnigibson import import_scene, save_scene
+
+    scene = import_scene(arguments.path, arguments.objects)
+    out = arguments.out or Path(f"{scene.scene}.json")
+    save_scene(scene, out)
+    counts = f"{len(scene.rooms)} rooms, {len(scene.openings)} openings, {len(scene.furniture)} pieces"
+    print(f"{out}: {counts}, {len(scene.items)} items; look at it with: gavel scenes show {out} --png FILE")
+    reasons: dict[str, int] = {}
+    for entry in scene.not_placed:
+        reasons[entry.reason] = reasons.get(entry.reason, 0) + entry.count
+    for reason, count in sorted(reasons.items()):
+        print(f"left out: {count} ({reason})")
+    return 0
