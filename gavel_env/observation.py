@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from gavel_env.dynamics import ViolationKind
 from gavel_env.errors import GavelError
 from gavel_env.geometry import FloorMap
+from gavel_env.goals import Designator
 from gavel_env.graph import Flag, Relation, SceneGraph
 from gavel_env.observed import Observed
 from gavel_env.ontology import Category, Ontology
@@ -28,6 +29,7 @@ from gavel_env.ontology import Category, Ontology
 __all__ = [
     "AFFORDANCES",
     "INSTRUCTION_CHARACTERS",
+    "MAX_CATEGORIES",
     "MAX_INSTRUCTION",
     "MAX_ROOMS",
     "NODE_COLUMNS",
@@ -38,12 +40,15 @@ __all__ = [
     "GraphEncoder",
     "NodeKind",
     "TooManyNodes",
+    "node_space",
     "observation_space",
     "small_observation",
 ]
 
 MAX_ROOMS = 64
 NO_ROOM = MAX_ROOMS
+MAX_CATEGORIES = 10_000
+_FAR_M = 1e6
 MAX_INSTRUCTION = 4096
 INSTRUCTION_CHARACTERS = "".join(
     dict.fromkeys(
@@ -138,20 +143,39 @@ _EDGES = {
 }
 
 
+def node_space(max_nodes: int, count: int | None = None) -> spaces.Box:
+    """Return the space of a node, or of an array of `count` nodes."""
+    low = np.zeros(len(NODE_COLUMNS), np.float32)
+    high = np.ones(len(NODE_COLUMNS), np.float32)
+    for column, least, most in (
+        ("kind", 0, len(NodeKind) - 1),
+        ("type", -1, MAX_CATEGORIES - 1),
+        ("x_m", -_FAR_M, _FAR_M),
+        ("y_m", -_FAR_M, _FAR_M),
+        ("width_m", 0, _FAR_M),
+        ("height_m", 0, _FAR_M),
+        ("room", -1, max_nodes - 1),
+    ):
+        low[_COLUMN[column]], high[_COLUMN[column]] = least, most
+    if count is not None:
+        low, high = np.tile(low, (count, 1)), np.tile(high, (count, 1))
+    return spaces.Box(low, high, dtype=np.float32)
+
+
 def observation_space(max_nodes: int, *, with_graph: bool) -> spaces.Dict:
     """Return the observation space; `with_graph` adds the `graph` entry."""
     parts: dict[str, spaces.Space[Any]] = {
         "holding": spaces.Discrete(max_nodes),
         "instruction": spaces.Text(max_length=MAX_INSTRUCTION, min_length=0, charset=INSTRUCTION_CHARACTERS),
-        "metres": spaces.Box(0.0, np.inf, (1,), np.float32),
+        "metres": spaces.Box(0.0, _FAR_M, (1,), np.float32),
         "outcome": spaces.Discrete(len(OUTCOMES)),
-        "pose": spaces.Box(-np.inf, np.inf, (4,), np.float32),
+        "pose": spaces.Box(-_FAR_M, _FAR_M, (4,), np.float32),
         "room": spaces.Discrete(MAX_ROOMS + 1),
         "searched": spaces.MultiBinary(MAX_ROOMS),
     }
     if with_graph:
         parts["graph"] = spaces.Graph(
-            node_space=spaces.Box(-np.inf, np.inf, (len(NODE_COLUMNS),), np.float32),
+            node_space=node_space(max_nodes),
             edge_space=spaces.Discrete(len(EdgeType)),
         )
     return spaces.Dict(parts)
@@ -171,8 +195,10 @@ class GraphEncoder:
         self._max_nodes = max_nodes
         self.rooms = layout.room_ids
         self.node: dict[str, int] = {room: 1 + i for i, room in enumerate(self.rooms)}
+        self._scene = layout.scene.scene
+        self._room_types = {room.id: room.type for room in layout.scene.rooms}
         if len(self.rooms) > MAX_ROOMS:
-            raise TooManyNodes(f"scene {layout.scene.scene!r} has {len(self.rooms)} rooms; the spaces hold {MAX_ROOMS}")
+            raise TooManyNodes(f"scene {self._scene!r} has {len(self.rooms)} rooms; the spaces hold {MAX_ROOMS}")
         first_object = 1 + len(self.rooms)
         self.objects: list[str] = []
         self._rows = np.zeros((first_object, len(NODE_COLUMNS)), np.float32)
@@ -187,6 +213,22 @@ class GraphEncoder:
         self._links: NDArray[np.int32] = np.zeros((0, 2), np.int32)
         self._types: NDArray[np.int64] = np.zeros(0, np.int64)
 
+    def check_size(self, objects: int) -> None:
+        """Check that the spaces can hold a scene of so many objects.
+
+        Raises:
+            TooManyNodes: they cannot.
+        """
+        if 1 + len(self.rooms) + objects > self._max_nodes:
+            raise TooManyNodes(
+                f"scene {self._scene!r} may show more nodes than max_nodes={self._max_nodes}; make the environment "
+                "with a larger max_nodes"
+            )
+
+    def fits_room(self, designator: Designator) -> NDArray[np.bool_]:
+        """Return (rooms,) bool: whether a designator's room is this one, by id or type."""
+        return np.array([designator.room in (None, room, self._room_types[room]) for room in self.rooms])
+
     def name(self, node: int) -> str | None:
         """Return the id of a room's or an object's node; None for the robot and for unused indices."""
         if 1 <= node <= len(self.rooms):
@@ -195,11 +237,7 @@ class GraphEncoder:
         return self.objects[index] if 0 <= index < len(self.objects) else None
 
     def update(self, graph: SceneGraph) -> None:
-        """Give every newly observed object its node.
-
-        Raises:
-            TooManyNodes: the spaces hold fewer nodes.
-        """
+        """Give every newly observed object its node."""
         if len(graph.world.nodes) == len(self.objects):
             return
         fresh = list(graph.world.nodes)[len(self.objects) :]
@@ -213,11 +251,6 @@ class GraphEncoder:
             row[_COLUMN["fixed"]] = node.fixed
             row[-len(AFFORDANCES) - 2 :] = _affordances(node.category)
         self._rows = np.concatenate([self._rows, rows])
-        if len(self._rows) > self._max_nodes:
-            raise TooManyNodes(
-                f"{len(self._rows)} nodes are observed, the spaces hold {self._max_nodes}; make the environment with a "
-                "larger max_nodes"
-            )
 
     def encode(self, observed: Observed, robot: tuple[float, float]) -> GraphInstance:
         """Return the observed graph: nodes (n, columns) float32, edges (m,) relation, edge_links (m, 2) node indices.
