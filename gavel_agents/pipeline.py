@@ -98,7 +98,7 @@ class PlanningAgent:
         self._belief = self._belief.update(self._graph, observed, self._binder.bound)
         self._planned = self._plan(str(info.get("instruction_id", "")), observed)
         self._remaining = list(range(len(self._tasks)))
-        self._order = self._remaining if self.config.order == "written" else self._reorder(observed)
+        self._order = list(self._remaining) if self.config.order == "written" else self._reorder(observed)
 
     def _plan(self, instruction_id: str, observed: Observed) -> Planned:
         start = self._place(observed)
