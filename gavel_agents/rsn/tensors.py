@@ -1,4 +1,4 @@
-"""Weights as safetensors with notes: the same content is the same bytes (the library's writer does not promise that)."""
+"""Weights as safetensors with notes: the same content is the same bytes, unlike with the library's own writer."""
 
 from __future__ import annotations
 
