@@ -4,7 +4,7 @@ WORKERS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: eval test test-slow lint format bench docs wheel clean
+.PHONY: eval test test-slow lint format bench docs pictures wheel clean
 .DEFAULT_GOAL := eval
 
 $(BIN)/python:
@@ -58,6 +58,13 @@ bench: $(VENV)/.installed-dev
 docs: $(VENV)/.installed-docs
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet --site-dir site
 	@echo "open site/index.html"
+
+# The pictures of README and docs, from the data as it is now.
+pictures: $(VENV)/.installed-core
+	@mkdir -p docs/images
+	@$(BIN)/gavel scenes show Rs_int --png docs/images/Rs_int.png --pixels-per-m 100
+	@$(BIN)/gavel scenes show Wainscott_0_int --png docs/images/Wainscott_0_int.png
+	@$(BIN)/gavel scenes show office_large --png docs/images/office_large.png
 
 wheel: $(VENV)/.installed-dev
 	@$(BIN)/python -m pip wheel --disable-pip-version-check --no-deps --wheel-dir dist .

@@ -19,6 +19,7 @@ Point = tuple[float, float]
 _OUTER_WALL_M = 0.11
 _WALL_GAP_M = 0.34  # rooms nearer to each other than this have a wall between them, not outdoors
 _DOORWAY_REACH_M = 0.26  # how far a doorway's cut reaches across the wall to both sides of its segment
+_SHARED_WALL_M = 0.07  # thickness of the wall between rooms that share an edge
 _LARGEST_LEAF_M = 1.25  # wider doorways are drawn without a door leaf
 
 _PLANK_M, _PLANK_LENGTH_M, _TILE_M, _SMALL_TILE_M, _SLAB_M = 0.17, 1.45, 0.33, 0.165, 0.62
@@ -30,7 +31,7 @@ def draw_house(canvas: Canvas, scene: Scene) -> None:
     for room, mask in zip(scene.rooms, floors, strict=True):
         _draw_floor(canvas, room, mask)
     rooms = np.bitwise_or.reduce(np.stack(floors)) if floors else canvas.mask()
-    walls = _walls(canvas, scene, rooms)
+    walls = _walls(canvas, floors, rooms)
     canvas.blend(np.minimum(softened(walls, 0.09 * canvas.view.pixels_per_m), rooms), WALL, 0.38)
     canvas.blend(np.minimum(softened(walls, 0.16 * canvas.view.pixels_per_m), 255 - rooms), WALL, 0.22)
     canvas.blend(walls, WALL, 1.0)
@@ -47,18 +48,19 @@ def _gap_px(canvas: Canvas) -> float:
     return _WALL_GAP_M * canvas.view.pixels_per_m
 
 
-def _walls(canvas: Canvas, scene: Scene, rooms: Mask) -> Mask:
-    """Return the mask of walls: what lies between rooms and a rim around the house."""
+def _walls(canvas: Canvas, floors: list[Mask], rooms: Mask) -> Mask:
+    """Return the mask of walls: what lies between rooms, and a rim around the house."""
     scale = canvas.view.pixels_per_m
     filled = cv2.morphologyEx(rooms, cv2.MORPH_CLOSE, _square(_gap_px(canvas)))
     house = cv2.dilate(filled, _square(2 * _OUTER_WALL_M * scale))
     walls = np.minimum(house, 255 - rooms)
-    line = np.zeros_like(canvas.image)
-    outline = Canvas(line, canvas.view)
-    for room in scene.rooms:
-        # Rooms that share an edge have no gap to fill: the line itself is their wall.
-        outline.line(room.polygon, (255, 255, 255), 0.06, closed=True)
-    return np.asarray(np.maximum(walls, line[..., 0]), np.uint8)
+    # Rooms that share an edge have no gap to fill: there, a wall stands where both, grown a little, overlap.
+    covered = np.zeros_like(rooms)
+    for floor in floors:
+        grown = np.asarray(cv2.dilate(floor, _square(_SHARED_WALL_M * scale)), np.uint8)
+        walls = np.maximum(walls, np.minimum(covered, grown))
+        covered = np.maximum(covered, grown)
+    return np.asarray(walls, np.uint8)
 
 
 def _draw_floor(canvas: Canvas, room: RoomOutline, mask: Mask) -> None:

@@ -224,7 +224,7 @@ def _screen(canvas: Canvas, place: Place, piece: Furniture, colour: Rgb) -> None
 
 def _draw_lamp(canvas: Canvas, place: Place, piece: Furniture, colour: Rgb) -> None:
     depth, width = piece.size_m[0], piece.size_m[1]
-    canvas.disc((place.x, place.y), max(depth, width) * 0.8, (255, 236, 170), 0.5)
+    canvas.disc((place.x, place.y), max(depth, width) / 2 + 0.12, (255, 236, 170), 0.5)
     shade = place.oval(0, 0, depth, width)
     canvas.polygon(shade, colour)
     canvas.polygon(place.oval(0, 0, depth * 0.5, width * 0.5), (255, 246, 214))
