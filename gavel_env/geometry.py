@@ -262,21 +262,21 @@ def _frozen(array: _Array) -> _Array:
     return array
 
 
-@lru_cache(maxsize=64)
 def known_layout(scene: Scene, robot: RobotConfig = DEFAULT_ROBOT) -> FloorMap:
-    """Return the map of rooms, walls and openings alone: what is known before anything was seen."""
-    return _build(scene, robot, ())
+    """Return the map of rooms, walls and openings alone, known before anything was seen; built once per scene."""
+    return _build(scene, robot, furnished=False)
+
+
+def floor_map(scene: Scene, robot: RobotConfig = DEFAULT_ROBOT) -> FloorMap:
+    """Return the map with the furniture, which the executor drives on; built once per scene."""
+    return _build(scene, robot, furnished=True)
 
 
 @lru_cache(maxsize=64)
-def floor_map(scene: Scene, robot: RobotConfig = DEFAULT_ROBOT) -> FloorMap:
-    """Return the map with the furniture: what the executor drives on."""
-    return _build(scene, robot, scene.furniture)
-
-
-def _build(scene: Scene, robot: RobotConfig, furniture: tuple[Furniture, ...]) -> FloorMap:
+def _build(scene: Scene, robot: RobotConfig, *, furnished: bool) -> FloorMap:
     from gavel_env import raster_kernels
 
+    furniture = scene.furniture if furnished else ()
     grid = rasterise(scene, robot.cell_m)
     radius_m = max(0.0, robot.robot_radius_m - robot.erosion_tolerance_m)
     away = np.full(grid.rooms.shape, np.inf)

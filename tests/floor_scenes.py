@@ -95,3 +95,28 @@ def room_with_niche() -> Scene:
         openings=(),
         furniture=(deep, corner),
     )
+
+
+def two_lobes() -> Scene:
+    """A room whose far lobe, behind a bent neck of 0.3 m, can only be looked into from another room.
+
+    The hall is (0..4, 0..4), its neck bends at x = 5, its far lobe is (5..7, 3..5) with a lamp; the study (7..10) has
+    a slit of 0.3 m to it; the corridor joins hall and study.
+    """
+    near = ((0.0, 0.0), (4.0, 0.0), (4.0, 1.0), (5.3, 1.0), (5.3, 3.0), (7.0, 3.0), (7.0, 5.0), (5.0, 5.0))
+    hall = RoomOutline(
+        id="hall_0", type="hall", polygon=(*near, (5.0, 1.3), (4.0, 1.3), (4.0, 4.0), (0.0, 4.0)), area_m2=20.9
+    )
+    return Scene(
+        format=FORMAT,
+        scene="lobes",
+        outline="generated",
+        source="tests",
+        rooms=(hall, _room("study_0", 7.0, 0.0, 10.0, 5.5), _room("corridor_0", 0.0, -2.0, 10.0, 0.0)),
+        openings=(
+            Opening(rooms=("corridor_0", "hall_0"), segment=((1.0, 0.0), (2.0, 0.0)), width_m=1.0, kind="doorway"),
+            Opening(rooms=("corridor_0", "study_0"), segment=((8.0, 0.0), (9.0, 0.0)), width_m=1.0, kind="doorway"),
+            Opening(rooms=("hall_0", "study_0"), segment=((7.0, 3.5), (7.0, 3.8)), width_m=0.3, kind="doorway"),
+        ),
+        furniture=(_piece("floor_lamp_0", "hall_0", 5.3, 4.7, 0.0, (0.3, 0.3, 1.3)),),
+    )

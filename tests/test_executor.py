@@ -9,7 +9,7 @@ from unittest.mock import ANY
 
 import numpy as np
 import pytest
-from floor_scenes import flat, room_with_niche
+from floor_scenes import flat, room_with_niche, two_lobes
 from random_worlds import HOUSES, accepted_plan, at, furnished
 
 from gavel_env import sight_kernels
@@ -135,6 +135,13 @@ def test_a_search_looks_around_the_last_corner() -> None:
     executor = Executor(scene, scene_graph(scene))
     assert "floor_lamp_0" not in executor.graph.world.nodes
     assert executor.step(Action(GO, "floor_lamp")).ok
+
+
+def test_a_search_looks_from_another_room_if_it_must() -> None:
+    executor = Executor(two_lobes(), scene_graph(two_lobes()))
+    outcome = executor.step(Action(GO, "floor_lamp@hall"))
+    assert outcome.violation == Violation(ViolationKind.UNREACHABLE, "floor_lamp_0")
+    assert "floor_lamp_0" in executor.graph.world.nodes
 
 
 def test_a_search_that_finds_nothing_leaves_what_was_near() -> None:

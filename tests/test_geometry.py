@@ -224,7 +224,8 @@ def test_cells_and_points_are_inverse(mapped: FloorMap) -> None:
 
 
 def test_maps_are_cached_and_read_only() -> None:
-    assert floor_map(flat()) is floor_map(flat())
+    assert floor_map(flat()) is floor_map(flat(), RobotConfig())
+    assert known_layout(flat()) is known_layout(flat(), robot=RobotConfig())
     assert floor_map(flat()) is not floor_map(flat(), RobotConfig(robot_radius_m=0.3))
     with pytest.raises(ValueError, match="read-only"):
         floor_map(flat()).free[0, 0] = True
