@@ -26,11 +26,18 @@ from envs_data.build.layout_space import RoomSpace
 __all__ = ["furnish"]
 
 ATTEMPTS = 12
+COUNTER_M = 0.9
 
 
 def place_slab(layout: RoomLayout, piece: Piece) -> bool:
     """A countertop: over base units where it can, else on its own at the wall."""
-    return slab_over_bases(layout, piece) or place_run(layout, piece)
+    if slab_over_bases(layout, piece):
+        return True
+    if not place_run(layout, piece):
+        return False
+    lift = max(0.0, COUNTER_M - piece.size_m[2])
+    layout.placed[-1] = layout.placed[-1]._replace(z=round(lift, 3))
+    return True
 
 
 Placer = Callable[[RoomLayout, Piece], bool]

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Literal
 
-from envs_data.build.layout_pieces import Piece
+from envs_data.build.layout_pieces import Piece, rules
 from gavel_env.ontology import default_ontology
 from gavel_env.scenes import Furniture, Item
 
@@ -16,9 +16,6 @@ __all__ = ["assign_items"]
 
 INSIDE_LEVELS = 4.0
 FULL = 0.5
-
-# Where things are kept: doorless shelves before tables, appliances and cupboards last.
-_LAST = ("oven", "microwave", "washer", "clothes_dryer", "dishwasher", "toilet", "burner", "stove", "bathtub", "car")
 
 
 def assign_items(pieces: Sequence[Piece], furniture: Sequence[Furniture], numbers: Counter[str]) -> tuple[Item, ...]:
@@ -60,35 +57,29 @@ def _holders(room: str, furniture: Sequence[Furniture]) -> list[Holder]:
     covered = {f.on for f in furniture if f.on is not None and f.size_m[2] <= 0.15}
     found: list[Holder] = []
     for piece in furniture:
-        if piece.room != room or piece.mount not in ("floor", "wall") or piece.category in _LAST:
+        if piece.room != room or piece.mount not in ("floor", "wall") or piece.category in rules().keeps_nothing:
             continue
         category = ontology[piece.category]
         area = piece.size_m[0] * piece.size_m[1]
         if category.interior and not category.openable and piece.size_m[2] > 0.5:
             found.append(("in", piece.id, INSIDE_LEVELS * FULL * area, piece))
-        elif (
-            category.surface
-            and piece.id not in covered
-            and piece.size_m[2] + piece.z <= 1.4
-            and area >= 0.12
-            and not _seat(piece)
-        ):
+        elif category.surface and piece.id not in covered and piece.size_m[2] + piece.z <= 1.4 and area >= 0.12:
             found.append(("on", piece.id, FULL * area, piece))
     return found
 
 
-def _seat(piece: Furniture) -> bool:
-    return "chair" in piece.category or piece.category in ("sofa", "pot_plant", "ottoman", "toilet")
-
-
 def _next(holders: Sequence[Holder], used: Sequence[float], piece: Piece) -> int:
-    """Return the emptiest support that the piece fits on, or -1."""
-    best, best_key = -1, (2.0, 0)
+    """Return the emptiest support that the piece fits on, of its own kind of support if there is one, or -1."""
+    wanted = rules().stands_on.get(piece.category, ())
+    best, best_key = -1, (2, 2.0, 0)
     for i, (_, _, capacity, host) in enumerate(holders):
         longest = max(piece.size_m[0], piece.size_m[1])
         if used[i] + piece.area_m2 > capacity or longest > max(host.size_m[0], host.size_m[1]):
             continue
-        key = (round(used[i] / capacity, 4), i)
+        soft = host.category in ("bed", "sofa", "armchair")
+        if soft and host.category not in wanted:
+            continue
+        key = (0 if host.category in wanted else 1, round(used[i] / capacity, 4), i)
         if key < best_key:
             best, best_key = i, key
     return best

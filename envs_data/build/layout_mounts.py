@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from envs_data.build.layout_pieces import Piece, rules
 from envs_data.build.layout_place import place_corner
-from envs_data.build.layout_poses import Placed, Poses, RoomLayout, floor_poses, rect_of, wall_poses
+from envs_data.build.layout_poses import Placed, Poses, RoomLayout, floor_poses, grown, rect_of, wall_poses
 from envs_data.build.layout_space import Rect
 from gavel_env.ontology import default_ontology
 
@@ -21,6 +21,7 @@ Bools = NDArray[np.bool_]
 
 REACH_M = 1.1
 TOP_SHARE = 0.65
+OVERHANG_M = 0.1
 CEILING_M = 2.4
 
 
@@ -130,9 +131,20 @@ def _choose(layout: RoomLayout, piece: Piece, poses: Poses, score: Floats, ok: B
 
 def place_top(layout: RoomLayout, piece: Piece) -> bool:
     """On a piece with a surface and room left on top; on the floor if there is none."""
-    ontology = default_ontology()
     wanted = rules().stands_on.get(piece.category, ())
+    passes = ((True, False), (True, True)) if wanted else ()
+    return any(
+        _on_some_host(layout, piece, wanted, only_wanted, overhang)
+        for only_wanted, overhang in (*passes, (False, False), (False, True))
+    ) or place_corner(layout, piece)
+
+
+def _on_some_host(layout: RoomLayout, piece: Piece, wanted: Sequence[str], only_wanted: bool, overhang: bool) -> bool:
+    """Stand a piece on the best host; with `overhang` it may fill the top and jut out by 10 cm on each side."""
+    ontology = default_ontology()
     covered = {p.on for p in layout.placed if p.piece.role == "slab"}
+    over = OVERHANG_M if overhang else 0.0
+    share = 1.2 if overhang else TOP_SHARE
     hosts = []
     for i, host in enumerate(layout.placed):
         if (
@@ -143,12 +155,16 @@ def place_top(layout: RoomLayout, piece: Piece) -> bool:
             continue
         if host.piece.mount != "floor" or (host.on >= 0 and host.piece.role != "slab"):
             continue
+        if (only_wanted and host.piece.category not in wanted) or (
+            overhang and host.piece.role in ("sink", "bed", "sofa")
+        ):
+            continue
         top = host.z + host.piece.size_m[2]
         if not 0.25 <= top <= 1.35:
             continue
         guests = [layout.rects[j] for j, p in enumerate(layout.placed) if p.on == i]
         used = sum((g[2] - g[0]) * (g[3] - g[1]) for g in guests)
-        if used + piece.area_m2 > TOP_SHARE * host.piece.area_m2:
+        if used + piece.area_m2 > share * host.piece.area_m2:
             continue
         order = wanted.index(host.piece.category) if host.piece.category in wanted else len(wanted) + 1
         if host.piece.role in ("sofa", "bed", "sink"):
@@ -156,7 +172,7 @@ def place_top(layout: RoomLayout, piece: Piece) -> bool:
         hosts.append(((order, round(used, 3), -round(host.piece.area_m2, 3), i), i, top, guests))
     for _, i, top, guests in sorted(hosts, key=lambda h: h[0]):
         host = layout.placed[i]
-        rect = layout.rects[i]
+        rect = grown(layout.rects[i], over)
         for yaw in (host.yaw, (host.yaw + 90) % 360):
             dx, dy = (piece.size_m[0], piece.size_m[1]) if yaw in (0, 180) else (piece.size_m[1], piece.size_m[0])
             if dx > rect[2] - rect[0] or dy > rect[3] - rect[1]:
@@ -169,7 +185,10 @@ def place_top(layout: RoomLayout, piece: Piece) -> bool:
             )
             mx, my = (a.ravel() for a in np.meshgrid(gx, gy))
             rects = np.stack([mx - dx / 2, my - dy / 2, mx + dx / 2, my + dy / 2], axis=1)
-            free = np.flatnonzero(~_hits(rects, guests, 0.01))
+            ok = ~_hits(rects, guests, 0.01)
+            if overhang:
+                ok &= shapely.covers(layout.space.polygon, shapely.box(*rects.T))
+            free = np.flatnonzero(ok)
             if not len(free):
                 continue
             radians = np.deg2rad(host.yaw)
@@ -184,7 +203,7 @@ def place_top(layout: RoomLayout, piece: Piece) -> bool:
             layout.placed.append(Placed(piece, float(mx[k]), float(my[k]), yaw, round(top, 3), i))
             layout.rects.append(rect_of(float(mx[k]), float(my[k]), yaw, piece.size_m))
             return True
-    return place_corner(layout, piece)
+    return False
 
 
 def _in_reach(layout: RoomLayout, row: Floats) -> bool:

@@ -36,6 +36,7 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         roles: role -> categories.
         wall: wall-mounted category -> height of its lower side, metres.
         near: category -> categories that it is put near.
+        keeps_nothing: categories that no movable is put on or in, though one could be.
         stands_on: category -> categories that it stands on, best first.
         spin: categories that may turn a side to the wall.
         hubs: room types that one walks through, first the one that others hang on (generated outlines).
@@ -51,6 +52,7 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     roles: dict[str, tuple[str, ...]]
     wall: dict[str, float]
     near: dict[str, tuple[str, ...]]
+    keeps_nothing: tuple[str, ...]
     stands_on: dict[str, tuple[str, ...]]
     spin: tuple[str, ...]
     hubs: tuple[str, ...]

@@ -43,6 +43,7 @@ __all__ = [
 Floats = NDArray[np.float64]
 
 CHAIR_TUCK = 0.45
+AISLE_M = 1.2
 
 
 def _try(layout: RoomLayout, piece: Piece, poses: Poses, score: Floats, access: str) -> bool:
@@ -242,6 +243,7 @@ def place_corner(layout: RoomLayout, piece: Piece) -> bool:
     """In a corner, out of the way."""
     poses = wall_poses(layout, piece, 0.5)
     score = gap_score(layout, poses) - 0.1 * np.minimum(door_distance(layout, poses), 2.0)
+    score = score - 0.4 * np.minimum(near_score(layout, poses, layout.of_category([piece.category])), 2.0)
     return layout.put(piece, poses, score, "any") or _fallback(layout, piece)
 
 
@@ -256,6 +258,30 @@ def place_aisle(layout: RoomLayout, piece: Piece) -> bool:
     poses = wall_poses(layout, piece, 0.75)
     if layout.put(piece, poses, gap_score(layout, poses), "front"):
         return True
-    poses = floor_poses(layout, piece)
-    score = gap_score(layout, poses) + np.where(poses.yaw % 180 == 0, 0.0, 2.0)
+    free = floor_poses(layout, piece)
+    snaps, costs = row_poses(layout, piece)
+    poses = join_poses([snaps, free])
+    others = np.minimum(near_score(layout, free, range(len(layout.rects))), 3.0)
+    score = np.concatenate([costs, 5.0 + np.abs(others - AISLE_M) + np.where(free.yaw % 180 == 0, 0.0, 2.0)])
     return layout.put(piece, poses, score, "front") or _fallback(layout, piece)
+
+
+def row_poses(layout: RoomLayout, piece: Piece) -> tuple[Poses, Floats]:
+    """Return poses that carry on a row of shelves, end to end or back to back, and their scores."""
+    depth, width, _ = piece.size_m
+    x, y, yaw, cost = [], [], [], []
+    for i in layout.indices("aisle"):
+        host = layout.placed[i]
+        deep, wide, _ = host.piece.size_m
+        fx, fy = round(np.cos(np.deg2rad(host.yaw))), round(np.sin(np.deg2rad(host.yaw)))
+        for side in (1, -1):
+            along, across = side * (wide + width) / 2, (depth - deep) / 2
+            x.append(host.x - fy * along + fx * across)
+            y.append(host.y + fx * along + fy * across)
+            yaw.append(host.yaw)
+            cost.append(0.0)
+        x.append(host.x - fx * (deep + depth) / 2)
+        y.append(host.y - fy * (deep + depth) / 2)
+        yaw.append(host.yaw + 180)
+        cost.append(0.5)
+    return make_poses(np.array(x), np.array(y), np.array(yaw), piece), np.array(cost)
