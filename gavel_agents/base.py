@@ -40,6 +40,7 @@ class AgentTrace(msgspec.Struct, kw_only=True):
         tasks: per task, in the order written.
         attempts: calls of the planner.
         order: indices of the tasks in the order executed.
+        expected_m: J of the first ordering chosen, metres; None if the method does not order.
         seconds: seconds by stage (understand, plan, repair, order); planning time is their sum.
         prompt_tokens, completion_tokens: totals over the attempts.
         prompts: SHA-256 (16 digits) of every prompt.
@@ -50,6 +51,7 @@ class AgentTrace(msgspec.Struct, kw_only=True):
     tasks: list[TaskTrace] = []
     attempts: int = 0
     order: list[int] = []
+    expected_m: float | None = None
     seconds: dict[str, float] = {}
     prompt_tokens: int = 0
     completion_tokens: int = 0

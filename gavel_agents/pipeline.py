@@ -163,7 +163,7 @@ class PlanningAgent:
         """Return the cheapest ordering of the remaining tasks whose concatenation validates (the cheapest if none)."""
         with stage(self.trace, "order"):
             tasks = list(self._remaining)
-            if len(tasks) < 2:
+            if len(tasks) < 2 and self.trace.expected_m is not None:
                 return tasks
             beliefs, cells = self._cost_view(observed)
             plans = [self._planned.plans[i] for i in tasks]
@@ -175,9 +175,13 @@ class PlanningAgent:
                 cheapest = cheapest or order
                 joined: Plan = tuple(action for j in order for action in plans[j])
                 if validate(self._graph, joined, goal, profile=self._profile).valid:
-                    return [tasks[j] for j in order]
-            assert cheapest is not None
-            return [tasks[j] for j in cheapest]
+                    break
+            else:
+                assert cheapest is not None
+                order = cheapest
+            if self.trace.expected_m is None:
+                self.trace.expected_m = costs.ordering_cost(order)
+            return [tasks[j] for j in order]
 
     def _place(self, observed: Observed) -> Place:
         assert self._travel is not None

@@ -61,6 +61,7 @@ class ChatModel(Protocol):
 # kind -> (module, class); the module is imported only when the kind is asked for.
 _KINDS: dict[str, tuple[str, str]] = {
     "gguf": ("gavel_agents.llm.gguf", "GgufModel"),
+    "reference": ("gavel_agents.llm.reference", "ReferencePlans"),
     "replay": ("gavel_agents.llm.replay", "ReplayModel"),
     "scripted": ("gavel_agents.llm.scripted", "ScriptedModel"),
 }

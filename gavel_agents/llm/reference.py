@@ -1,0 +1,54 @@
+"""Reference plans in a model's place (`reference:single`, `reference:FILE.jsonl`): no language model at all.
+
+For studies of what comes after the plan: beliefs, search and ordering. Tables call it by this name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from gavel_agents.llm.base import Completion, Prompt
+from gavel_env.goals import Designator
+from gavel_env.instructions import Instruction, read_instructions, shipped
+from gavel_env.ontology import category_of
+
+__all__ = ["ReferencePlans"]
+
+
+class ReferencePlans:
+    """Answers every prompt with the certified plans of its instruction, written over designators."""
+
+    def __init__(self, source: str) -> None:
+        """Read an instruction file: a shipped name or a path.
+
+        Raises:
+            UnknownInstruction: no shipped file has this name.
+            InstructionError: the file cannot be read.
+        """
+        self.name = "reference plans (no model)"
+        self.decoding: Mapping[str, str | float | int] = {}
+        path = Path(source) if source.endswith(".jsonl") else shipped(source)
+        self._instructions = read_instructions(path)
+
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
+        """Return the reference plans.
+
+        Raises:
+            UnknownInstruction: the file has none for an instruction.
+        """
+        return [Completion(_written(self._instructions[p.instruction_id])) for p in prompts]
+
+
+def _written(instruction: Instruction) -> str:
+    """Return an instruction's plans as a model would write them."""
+    targets = instruction.meta.get("targets", ())
+    lines: list[str] = []
+    for index, task in enumerate(instruction.tasks):
+        lines.append(f"Task {index + 1}:")
+        said = targets[index].get("objects", ()) if index < len(targets) else ()
+        names = {Designator.parse(text).name: text for text in said}
+        for action in task.parsed_plan():
+            category = category_of(action.target or "")
+            lines.append(f"{action.primitive.name} {names.get(category, category)}".strip())
+    return "\n".join(lines)
