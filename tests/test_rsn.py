@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from itertools import pairwise
@@ -12,7 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eval.beliefs import Answer, evaluate, score
+from eval import beliefs
+from eval.beliefs import Answer, evaluate, evaluate_shipped, score
+from eval.cli import main
 from gavel_agents.rsn import BENCHMARK_HOUSES, PRIORS, RoomInfo, UnknownPrior, load_prior
 from gavel_agents.rsn import encoder as encoder_module
 from gavel_agents.rsn.choice import ChoiceModel, fit_choice
@@ -339,11 +342,30 @@ def test_score_by_hand() -> None:
         score("x", [])
 
 
+def test_command_prints_scores(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    shipped = evaluate_shipped()
+    monkeypatch.setattr(beliefs, "evaluate", lambda unseen=False: shipped)
+    assert main(["eval", "beliefs", "--json"]) == 0
+    tables = json.loads(capsys.readouterr().out)
+    assert len(tables) == 3
+    choice = next(row for row in tables["the ten benchmark houses, shipped weights"] if row["prior"] == "choice")
+    assert choice["auc"] == next(s.auc for s in shipped if s.prior == "choice")
+    assert main(["eval", "beliefs", "--quick"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.count("438 queries") == 2
+    assert "Calibration curve" in printed
+    assert f"{choice['top1']:.3f}" in printed
+
+
 def test_priors_reach_their_goals_on_houses_held_out() -> None:
     scores = {s.prior: s for s in evaluate()}
     assert {s.queries for s in scores.values()} == {2480}
     assert scores["choice"].top1 >= 0.52
     assert scores["choice"].auc >= 0.87
+    shipped = {s.prior: s for s in evaluate_shipped()}
+    assert shipped["choice"].queries == 438
+    assert shipped["rsn"].auc < shipped["choice"].auc < shipped["ceiling"].auc
+    assert shipped["uniform"].nll > shipped["rsn"].nll > shipped["choice"].nll
     order = ["uniform", "rsn", "choice-linear", "choice", "ceiling"]
     for worse, better in pairwise(order):
         assert scores[worse].top1 < scores[better].top1
