@@ -36,7 +36,7 @@ class Fit(NamedTuple):
 
     Attributes:
         tasks: N, or None for all.
-        count: instructions.
+        instructions: how many.
         r_squared: squared correlation of J and metres driven.
         slope: metres driven per metre of J (least squares through the means).
         expected_m, driven_m: means.
@@ -44,7 +44,7 @@ class Fit(NamedTuple):
     """
 
     tasks: int | None
-    count: int
+    instructions: int
     r_squared: float
     slope: float
     expected_m: float

@@ -33,7 +33,7 @@ def _run(arguments: argparse.Namespace) -> int:
     for fit in fits(list(drives(arguments.instructions, arguments.agent, arguments.prior))):
         table.add_row(
             "all" if fit.tasks is None else str(fit.tasks),
-            str(fit.count),
+            str(fit.instructions),
             f"{fit.r_squared:.2f}",
             f"{fit.slope:.2f}",
             f"{fit.expected_m:.1f}",
@@ -44,6 +44,6 @@ def _run(arguments: argparse.Namespace) -> int:
     console.print(table)
     console.print(
         "R²: squared correlation over instructions. slope: metres driven per metre of J.\n"
-        "The paper reports R² = 0.93 at N = 4 and 0.89 at N = 5 for its own executor and benchmark, and 17 ms of ordering."
+        "The paper, for its own executor and benchmark: R² = 0.93 at N = 4, 0.89 at N = 5, 17 ms of ordering."
     )
     return 0

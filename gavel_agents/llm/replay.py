@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import threading
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -79,8 +81,6 @@ def read_recording(path: str | Path) -> Iterator[Recorded]:
 
 def _unpacked(packed: bytes) -> bytes:
     """Decompress as many whole gzip members as there are; a torn last one is passed over."""
-    import zlib
-
     out = bytearray()
     while packed:
         stream = zlib.decompressobj(zlib.MAX_WBITS | 16)
@@ -142,6 +142,7 @@ class RecordingModel:
         self._model = model
         self._path = Path(path)
         self._known = {r.key: r for r in read_recording(path)} if self._path.exists() else {}
+        self._writing = threading.Lock()
 
     def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         """Return one completion per prompt; new ones are on disk before this returns."""
@@ -160,9 +161,9 @@ class RecordingModel:
                 answer.completion_tokens,
                 round(answer.seconds, 3),
             )
-            self._known[key] = recorded
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            with self._path.open("ab") as file:
+            with self._writing, self._path.open("ab") as file:
+                self._known[key] = recorded
                 file.write(gzip.compress(msgspec.json.encode(recorded) + b"\n", mtime=0))
         known = [self._known[key] for key in keys]
         return [Completion(r.text, r.prompt_tokens, r.completion_tokens, r.seconds) for r in known]

@@ -1,0 +1,59 @@
+"""`gavel record`: store what a language model answers, for replays without it."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Any
+
+__all__ = ["register"]
+
+_AGENTS = "llm-only,gavel-basic,gavel-full,sayplan"
+
+
+def register(subparsers: Any) -> None:
+    """Add `gavel record`."""
+    parser = subparsers.add_parser("record", help="record a language model's answers, to replay them without it")
+    parser.add_argument("--planner", required=True, metavar="SPEC", help="the model, such as gguf:MODEL.gguf")
+    parser.add_argument("--out", required=True, metavar="FILE.jsonl.gz", help="the recording; an existing one goes on")
+    parser.add_argument("--agents", default=_AGENTS, metavar="A,B", help=f"default: {_AGENTS}")
+    parser.add_argument("--instructions", default="single", metavar="NAME", help="shipped file or path")
+    parser.add_argument("--every", type=int, default=1, metavar="K", help="only every K-th instruction")
+    parser.add_argument("--limit", type=int, metavar="N", help="only the first N of them")
+    parser.add_argument("--prior", default="choice", metavar="NAME", help="location prior (default: choice)")
+    parser.add_argument("--threads", type=int, default=2, metavar="N", help="prompts at the same time (default: 2)")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from eval.recording import record
+    from gavel_agents.llm import load_model
+    from gavel_agents.llm.replay import RecordingModel, compact
+    from gavel_env.instructions import read_instructions, shipped
+
+    source = arguments.instructions
+    instructions = read_instructions(source if source.endswith(".jsonl") else shipped(source))
+    chosen = list(instructions)[:: arguments.every][: arguments.limit]
+    agents = arguments.agents.split(",")
+    model = RecordingModel(load_model(arguments.planner), arguments.out)
+    begun = time.monotonic()
+    total = len(agents) * len(chosen)
+    for number, asked in enumerate(
+        record(
+            model,
+            agents,
+            {name: instructions[name] for name in chosen},
+            prior=arguments.prior,
+            threads=arguments.threads,
+        ),
+        start=1,
+    ):
+        minutes = (time.monotonic() - begun) / 60.0
+        verdict = "valid" if set(asked.verdicts) == {"valid"} else "; ".join(v for v in asked.verdicts if v != "valid")
+        print(
+            f"[{number}/{total}, {minutes:.1f} min] {asked.agent} {asked.instruction_id}: "
+            f"{asked.attempts} attempts, {verdict}",
+            flush=True,
+        )
+    print(f"{compact(arguments.out)} completions in {arguments.out}")
+    return 0
