@@ -12,6 +12,7 @@ partition. Brier: mean squared error over the same pairs. NLL: mean -ln of the t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -117,18 +118,20 @@ def _calibration(belief: Floats, true: NDArray[np.bool_]) -> tuple[tuple[int, fl
     )
 
 
-def evaluate(*, unseen: bool = False, seed: int = FOLD_SEED) -> list[Score]:
+def evaluate(*, unseen: bool = False, seed: int = FOLD_SEED, folder: Path | None = None) -> list[Score]:
     """Score every prior on scenes held out, each fitted on the other folds.
 
     Args:
         unseen: hold the category out as well.
-        seed: of the partition into folds; the RSN is scored on the shipped partition only.
+        seed: of the partition into folds; the RSN is scored on the stored partition only.
+        folder: weights with the RSN's held-out scores (default: the shipped ones).
 
     Raises:
         DataError: shipped data is missing.
     """
     contents = load_contents()
-    table = PhraseTable.load(weights_folder())
+    folder = folder or weights_folder()
+    table = PhraseTable.load(folder)
     categories = known_categories(contents)
     answers: dict[str, list[Answer]] = {}
     for fold, held_out in enumerate(scene_folds(contents, FOLDS, seed)):
@@ -137,21 +140,21 @@ def evaluate(*, unseen: bool = False, seed: int = FOLD_SEED) -> list[Score]:
             known = [c for c in categories if c not in part] if unseen else categories
             models = _models(contents, learned, known, table)
             if seed == FOLD_SEED:
-                models |= _rsn_models(table, fold, category_seen=not unseen)
+                models |= _rsn_models(HeldOut.load(folder, table.encoder), fold, category_seen=not unseen)
             for query in queries(contents, held_out, part):
                 _ask(contents, query, models, answers)
     return [score(name, answers[name]) for name in _ORDER if name in answers]
 
 
-def evaluate_shipped() -> list[Score]:
-    """Score the shipped priors on the ten benchmark houses, which they never saw.
+def evaluate_shipped(folder: Path | None = None) -> list[Score]:
+    """Score the priors of a weights folder (default: the shipped) on the ten benchmark houses, which they never saw.
 
     Raises:
         DataError: shipped data is missing.
     """
     contents = load_contents()
     answers: dict[str, list[Answer]] = {}
-    models: dict[str, Model] = {name: load_prior(name) for name in ("uniform", "rsn", "choice")}
+    models: dict[str, Model] = {name: load_prior(name, folder) for name in ("uniform", "rsn", "choice")}
     for query in queries(contents, BENCHMARK_HOUSES, known_categories(contents)):
         _ask(contents, query, models, answers)
     return [score(name, answers[name]) for name in _ORDER if name in answers]
@@ -184,9 +187,8 @@ def _models(
     }
 
 
-def _rsn_models(table: PhraseTable, fold: int, *, category_seen: bool) -> dict[str, Model]:
+def _rsn_models(held_out: HeldOut, fold: int, *, category_seen: bool) -> dict[str, Model]:
     """Return the RSN of one fold, with type scores split over instances (the paper) and not."""
-    held_out = HeldOut.load(weights_folder(), table.encoder)
 
     def split(category: str, rooms: Sequence[RoomInfo]) -> Floats:
         return split_over_instances(held_out.by_type(fold, category, category_seen=category_seen), rooms)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eval.families import family
@@ -19,15 +20,20 @@ def register(subparsers: Any) -> None:
     command = family(subparsers, "eval").add_parser("beliefs", help="score the location priors on houses held out")
     command.add_argument("--quick", action="store_true", help="known categories only (leaves out the unseen ones)")
     command.add_argument("--json", action="store_true", help="print the scores as JSON")
+    command.add_argument("--weights", type=Path, metavar="DIR", help="other weights than the shipped ones")
     command.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
     from eval.beliefs import evaluate, evaluate_shipped
 
-    parts = {"51 scenes": evaluate(), "the ten benchmark houses, shipped weights": evaluate_shipped()}
+    folder: Path | None = arguments.weights
+    parts = {
+        "51 scenes": evaluate(folder=folder),
+        "the ten benchmark houses, weights as they are": evaluate_shipped(folder),
+    }
     if not arguments.quick:
-        parts["51 scenes, categories unseen"] = evaluate(unseen=True)
+        parts["51 scenes, categories unseen"] = evaluate(unseen=True, folder=folder)
     if arguments.json:
         table = {name: [s._asdict() | {"calibration_error": s.calibration_error} for s in scores]
                  for name, scores in parts.items()}  # fmt: skip
