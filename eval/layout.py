@@ -56,7 +56,7 @@ def _number(value: Estimate | None, digits: int) -> str:
 
 
 def _seconds(value: Estimate | None) -> str:
-    return _number(value, 3 if value is not None and value.mean < 1 else 1)
+    return _number(value, 1 if value is None or value.mean >= 1 else 4 if value.mean < 0.1 else 2)
 
 
 def _episodes(row: Row) -> str:
@@ -88,7 +88,7 @@ def grids(results: Results, *, failures: bool = False) -> tuple[Grid, ...]:
 
 
 def _labels(section: Section) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Return the text columns: the agent with its marks, what differs between the rows, and stamps to tell twins apart."""
+    """Return the text columns: the agent with its marks, what differs between rows, and stamps to tell twins apart."""
     varying = [name for name in _CHOICES if len({getattr(r.contestant, name) for r in section.rows} - {""}) > 1]
     rows = [
         (r.contestant.agent + _marks(r), *(getattr(r.contestant, name) or UNDEFINED for name in varying))
@@ -160,8 +160,8 @@ def _footer(results: Results) -> list[str]:
     else:
         spread = "[low, high]: 95 % Wilson interval; ± of metres: standard error over instructions (one seed)"
     notes = [
-        f"{spread}; of planning and attempts: standard deviation over episodes. Success is over all scheduled episodes; "
-        f"Metres over the agent's own successes. {UNDEFINED}: undefined."
+        f"{spread}; of planning and attempts: standard deviation over episodes. "
+        f"Success is over all scheduled episodes; Metres over the agent's own successes. {UNDEFINED}: undefined."
     ]
     notes += [f"Rejected and counted as not solved: {name}: {reason}" for name, reason in results.rejected]
     notes += [f"Not a record: {line}" for line in results.damaged]
@@ -169,18 +169,19 @@ def _footer(results: Results) -> list[str]:
 
 
 def _failures(section: Section) -> Grid:
-    header, labels = _labels(section)
+    _, labels = _labels(section)
     totals: dict[str, int] = {}
     for row in section.rows:
         for kind, count in row.failures.items():
             totals[kind] = totals.get(kind, 0) + count
-    kinds = sorted(totals, key=lambda kind: (-totals[kind], kind))
+    names = [" ".join(cells) for cells in labels]
     rows = [
-        (*label, *(str(row.failures.get(kind, 0)) for kind in kinds), str(row.scheduled))
-        for label, row in zip(labels, section.rows, strict=True)
+        (kind, *(str(row.failures.get(kind, 0)) for row in section.rows))
+        for kind in sorted(totals, key=lambda kind: (-totals[kind], kind))
     ]
+    rows.append(("scheduled", *(str(row.scheduled) for row in section.rows)))
     name = _TITLES.get(section.benchmark.kind, section.benchmark.kind)
-    return Grid(f"{name}: why episodes failed", (*header, *kinds, "N"), len(header), tuple(rows))
+    return Grid(f"{name}: why episodes failed", ("Failure", *names), 1, tuple(rows))
 
 
 # --- formats -------------------------------------------------------------------------------------------------------
@@ -199,7 +200,7 @@ def _terminal(tables: Sequence[Grid], _: Results, width: int | None = None) -> s
         console.print(Text(grid.title, style="bold"), soft_wrap=True)
         table = Table(box=SIMPLE_HEAD, pad_edge=False)
         for index, name in enumerate(grid.header):
-            table.add_column(Text(name), justify="left" if index < grid.labels else "right")
+            table.add_column(Text(name), justify="left" if index < grid.labels else "right", overflow="fold")
         for row in grid.rows:
             table.add_row(*map(Text, row))
         console.print(table)

@@ -18,6 +18,8 @@ __all__ = ["code_version", "data_stamp", "file_stamp", "now", "stamp", "versions
 
 _PACKAGES = ("gavel-env", "gymnasium", "msgspec", "networkx", "numba", "numpy", "opencv-python-headless")
 _DIGITS = 16
+_WHOLE_BYTES = 64 << 20
+_END_BYTES = 1 << 20
 
 
 def stamp(*parts: object) -> str:
@@ -26,15 +28,24 @@ def stamp(*parts: object) -> str:
 
 
 def file_stamp(path: str | Path) -> str:
-    """Return the content stamp of a file; of a folder, that of its files; empty if there is neither."""
+    """Return the content stamp of a file; of a folder, that of its files; empty if there is neither.
+
+    Files of more than 64 MiB (weights) are told by their size and their first and last MiB.
+    """
     path = Path(path)
     if path.is_dir():
         return stamp(*((str(p.relative_to(path)), file_stamp(p)) for p in sorted(path.rglob("*")) if p.is_file()))
     try:
         with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()[:_DIGITS]
+            size = path.stat().st_size
+            if size <= _WHOLE_BYTES:
+                return hashlib.file_digest(file, "sha256").hexdigest()[:_DIGITS]
+            ends = [file.read(_END_BYTES)]
+            file.seek(size - _END_BYTES)
+            ends.append(file.read(_END_BYTES))
     except OSError:
         return ""
+    return stamp(size, *(hashlib.sha256(end).hexdigest() for end in ends))
 
 
 def data_stamp(instructions_stamp: str, instructions: Iterable[Instruction]) -> str:
@@ -48,7 +59,7 @@ def data_stamp(instructions_stamp: str, instructions: Iterable[Instruction]) -> 
 
 
 def code_version() -> str:
-    """Return the git commit of the code (`+` if tracked files were changed); outside a checkout the package's version."""
+    """Return the git commit of the code, `+` if files were changed; outside a checkout the package's version."""
     root = Path(__file__).resolve().parents[1]
     if (root / ".git").exists():
         commit = _git(root, "rev-parse", "--short=12", "HEAD")

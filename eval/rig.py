@@ -105,8 +105,9 @@ class Episode(msgspec.Struct, frozen=True):
     instruction: Instruction | None = None
     rejected: str = ""
 
-    def record(self, outcome: str, failure: str = "", **fields: Any) -> EpisodeRecord:
-        """Return the episode's record."""
+    def record(self, outcome: str, failure: str = "", *, privileged: bool = False, **fields: Any) -> EpisodeRecord:
+        """Return the episode's record; `privileged`: the agent turned out to see the hidden state."""
+        who = self.contestant
         return EpisodeRecord(
             seed=self.key.seed,
             instruction=self.key.instruction,
@@ -115,7 +116,7 @@ class Episode(msgspec.Struct, frozen=True):
             text=self.instruction.text if self.instruction else "",
             data=self.key.data,
             code=self.code,
-            contestant=self.contestant,
+            contestant=msgspec.structs.replace(who, privileged=True) if privileged else who,
             outcome=outcome,
             failure="" if outcome == "success" else failure or outcome,
             finished=now(),
@@ -139,6 +140,7 @@ class _Progress:
         trace = getattr(self.agent, "trace", None)
         config = getattr(self.agent, "config", None)
         return {
+            "privileged": isinstance(self.agent, Privileged),
             "steps": tuple(self.steps),
             "metres": round(self.metres, 3),
             "seconds": {stage: round(spent, 6) for stage, spent in self.seconds.items()},

@@ -95,8 +95,9 @@ def contestant(
     privileged: bool = False,
 ) -> Contestant:
     """Return a contestant with its stamp: of the names, of the content of files that they name, and of the settings."""
-    named = [part for spec in (planner, understanding, prior) for part in (file_stamp(spec.partition(":")[2]),) if part]
-    config = stamp(agent, planner, understanding, prior, named, settings)
+    named = (spec.partition(":")[2] for spec in (planner, understanding, prior))
+    contents = [file_stamp(name) for name in named if name]
+    config = stamp(agent, planner, understanding, prior, contents, settings)
     return Contestant(agent, planner, understanding, prior, config, privileged)
 
 

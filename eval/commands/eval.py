@@ -3,38 +3,31 @@
 from __future__ import annotations
 
 import argparse
-import importlib
-import importlib.util
 import sys
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eval.families import family_parser
+
 if TYPE_CHECKING:
     from gavel_env.instructions import InstructionSet
 
-__all__ = ["PARTS", "register"]
-
-PARTS = ("eval.beliefs", "eval.cost_model", "eval.understanding")
-"""Modules with evaluations of single parts; each adds its command, as in `gavel eval beliefs`, with `register(subparsers)`."""
+__all__ = ["register"]
 
 _KINDS = {"single": ("single",), "multi": ("multi",), "behavior": ("behavior",), "both": ("single", "multi")}
 
 
 def register(subparsers: Any) -> None:
-    """Add `gavel eval` and the evaluations of single parts beneath it."""
-    parser = subparsers.add_parser(
-        "eval",
-        help="run agents over instructions and print the results table",
-        description="Run agents over instructions, one record per episode, and print the results table. "
-        "Without arguments: every agent that runs without a language model, over the shipped instructions.",
+    """Add `gavel eval`; other modules add evaluations of single parts to the same family."""
+    parser = family_parser(subparsers, "eval")
+    parser.description = (
+        "Run agents over instructions, one record per episode, and print the results table. "
+        "Without arguments: every agent that runs without a language model, over the shipped instructions."
     )
+    parser.usage = "%(prog)s [OPTIONS]\n       %(prog)s PART …"
     _add_options(parser)
     parser.set_defaults(run=_eval)
-    parts = parser.add_subparsers(title="evaluations of single parts", metavar="PART", required=False)
-    for name in PARTS:
-        if importlib.util.find_spec(name) is not None:
-            importlib.import_module(name).register(parts)
 
 
 def _add_options(parser: argparse.ArgumentParser) -> None:
