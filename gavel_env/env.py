@@ -260,6 +260,11 @@ class GavelEnv(gym.Env[Observation, Any]):
 
     # --- beyond Gymnasium ----------------------------------------------------------------------------------------
 
+    @property
+    def observed(self) -> Observed:
+        """Return the agent's view, as in `info["observed"]`."""
+        return self._started().observed
+
     def judge(self) -> Judgement:
         """Return whether the instruction is carried out, judged on the hidden world; for runners, not for agents."""
         return self._started().judge(violations_count=self.on_violation == "terminate")

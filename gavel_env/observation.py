@@ -278,23 +278,20 @@ class GraphEncoder:
                 nodes[node[obj], flag] = 1
         near = sorted(node[obj] for obj in graph.near)
         nodes[near, _NEAR] = 1
+        with_robot = [0]
         if graph.holding is not None:
-            self._carry(nodes, graph, robot, room)
-        links = np.zeros((len(self._links) + len(near) + (room >= 0), 2), np.int32)
+            nodes[node[graph.holding], _HELD] = 1
+            with_robot += [node[o] for o in (graph.holding, *graph.descendants(graph.holding))]
+            nodes[with_robot, _X], nodes[with_robot, _Y], nodes[with_robot, _ROOM] = robot[0], robot[1], room
+        if room < 0:
+            with_robot = []
+        still, here = len(self._links), len(self._links) + len(near)
+        links = np.zeros((here + len(with_robot), 2), np.int32)
         types = np.full(len(links), int(EdgeType.NEAR))
-        fixed = len(self._links)
-        links[:fixed], types[:fixed] = self._links, self._types
-        links[fixed : fixed + len(near), 1] = near
-        if room >= 0:
-            links[-1, 1], types[-1] = room, EdgeType.ROOM_INSIDE
+        links[:still], types[:still] = self._links, self._types
+        links[still:here, 1] = near
+        links[here:, 0], links[here:, 1], types[here:] = with_robot, room, EdgeType.ROOM_INSIDE
         return GraphInstance(nodes=nodes, edges=types, edge_links=links)
-
-    def _carry(self, nodes: NDArray[np.float32], graph: SceneGraph, robot: tuple[float, float], room: int) -> None:
-        """Put what the robot carries where the robot is."""
-        assert graph.holding is not None
-        nodes[self.node[graph.holding], _HELD] = 1
-        carried = [self.node[o] for o in (graph.holding, *graph.descendants(graph.holding))]
-        nodes[carried, _X], nodes[carried, _Y], nodes[carried, _ROOM] = robot[0], robot[1], room
 
     def _place(self, observed: Observed) -> None:
         graph = observed.graph
@@ -304,8 +301,9 @@ class GraphEncoder:
         self._rows[first:, [_X, _Y]] = [observed.positions[o] for o in self.objects] or np.zeros((0, 2))
 
     def _link(self, graph: SceneGraph) -> None:
-        """Rebuild the edges that do not depend on where the robot is."""
+        """Rebuild the edges that do not change while the robot drives."""
         node = self.node
+        carried = set() if graph.holding is None else {graph.holding, *graph.descendants(graph.holding)}
         edges = [(EdgeType.ROOM_CONNECT, node[a], node[b]) for a, b in sorted(graph.world.connections)]
         rooms = self._rows[:, _ROOM].astype(int)
         for obj in self.objects:
@@ -317,7 +315,7 @@ class GraphEncoder:
             else:
                 if support.relation in _EDGES:
                     edges.append((_EDGES[support.relation], node[obj], node[support.holder]))
-                if rooms[node[obj]] >= 0:
+                if rooms[node[obj]] >= 0 and obj not in carried:
                     edges.append((EdgeType.ROOM_INSIDE, node[obj], int(rooms[node[obj]])))
         for a, b in sorted(graph.next_to):
             edges.append((EdgeType.NEXT_TO, node[a], node[b]))

@@ -16,7 +16,7 @@ from gavel_env.actions import Action, Primitive, parse_action
 from gavel_env.dynamics import first_violation
 from gavel_env.env import GavelEnv
 from gavel_env.observation import NODE_COLUMNS, EdgeType, node_space
-from gavel_env.observed import EnvAction, Observed
+from gavel_env.observed import EnvAction
 from gavel_env.ontology import default_ontology
 
 __all__ = ["FlatActions", "PaddedGraph", "TextActions"]
@@ -102,9 +102,8 @@ class FlatActions(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         return _base(self.env).node_name(target) or f"node_{target}"
 
     def _with_masks(self, info: dict[str, Any]) -> dict[str, Any]:
-        observed: Observed = info["observed"]
         base = _base(self.env)
-        graph = observed.graph
+        graph = base.observed.graph
         joint = np.zeros_like(self._joint)
         joint[Primitive.NAVIGATE_TO, self._nodes :] = 1
         first = 1 + len(graph.world.rooms)

@@ -1,0 +1,47 @@
+"""The instructions that the environment tests run, and how to run them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+
+import gavel_env  # noqa: F401  # registers the environments
+from gavel_env.actions import Action
+from gavel_env.instructions import Instruction, read_instructions
+from gavel_env.observed import EnvAction
+from gavel_env.ontology import category_of
+
+FILE = Path(__file__).parent / "data" / "instructions.jsonl"
+INSTRUCTIONS = dict(read_instructions(FILE))
+
+
+def make(**kwargs: Any) -> gym.Env[Any, Any]:
+    """Make the single-task environment on the tests' instructions."""
+    return gym.make("Gavel-SingleTask-v0", **({"instructions": str(FILE)} | kwargs))
+
+
+def start(instruction: str, seed: int = 0, **kwargs: Any) -> gym.Env[Any, Any]:
+    """Make an environment and begin an instruction."""
+    env = make(**kwargs)
+    env.reset(seed=seed, options={"instruction": instruction})
+    return env
+
+
+def send(env: gym.Env[Any, Any], action: Action) -> EnvAction:
+    """Return an action as one sends it who was told the room: by id if it is observed, else by category and room."""
+    if action.target is None or action.target in env.unwrapped.observed.graph.world.nodes:
+        return EnvAction.of(action)
+    room = env.unwrapped.privileged_state().graph.room_of(action.target)
+    return EnvAction(action.primitive, f"{category_of(action.target)}@{room}")
+
+
+def by_reference(env: gym.Env[Any, Any], instruction: Instruction) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+    """Follow the reference plan until the episode ends."""
+    last: Any = None
+    for action in instruction.reference_plan():
+        last = env.step(send(env, action))
+        if last[2] or last[3]:
+            break
+    return last
