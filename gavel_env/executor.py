@@ -310,7 +310,9 @@ class Executor:
                 self._observed.setdefault(holder)
             self._observe(revealed(self._hidden, piece))
         if self._unseen_spots:
-            for obj in [o for o, spot in self._unseen_spots.items() if self._robot.sensor.saw_floor_near(spot)]:
+            spots = np.array(list(self._unseen_spots.values()), np.int32)
+            saw = self._robot.sensor.saw_floor_near(spots)
+            for obj in [o for o, shown in zip(self._unseen_spots, saw, strict=True) if shown]:
                 del self._unseen_spots[obj]
                 self._observe(revealed(self._hidden, obj))
 

@@ -74,6 +74,8 @@ class RoomSearch:
         self._given_up: NDArray[np.bool_] = np.zeros(sensor.floor.shape, np.bool_)
         self._views: dict[int, Indices] = {}
         self._aims: list[int] = []
+        cell_m = sensor.floor.robot.cell_m
+        self._reach = (_FRONTIER_M / cell_m, sensor.floor.robot.camera_range_m / cell_m)
 
     def next_route(self, cell: int) -> Route | None:
         """Return the drive to the nearest place worth looking from; None when the room is done."""
@@ -84,18 +86,37 @@ class RoomSearch:
             self._views, self._aims = {}, []
             return floor.route(cell, floor.room_cells[self.room])
         while True:
-            targets = self.sensor.frontiers(self.room, self._given_up)
-            if targets.size == 0:
-                hiding = self.sensor.hiding_cells(self.room)
-                targets = hiding[~self._given_up.ravel()[hiding]][:1]
+            suspects, targets = self._targets()
             if targets.size == 0:
                 return None
-            self._views = {int(t): self._viewpoints(int(t)) for t in targets}
+            self._views = {int(t): views for t in targets if (views := self._viewpoints(int(t))).size}
+            if len(self._views) < len(targets):
+                self._give_up_unseeable(suspects)
+            if not self._views:
+                continue
             route = floor.route(cell, np.concatenate(list(self._views.values())))
             if route is not None:
                 self._aims = [target for target, views in self._views.items() if route.cells[-1] in views]
                 return route
-            self._given_up.ravel()[targets] = True
+            self._given_up.ravel()[list(self._views)] = True
+
+    def _targets(self) -> tuple[Indices, Indices]:
+        """Return the cells still to be seen, and those of them to look at next."""
+        from gavel_env import sight_kernels
+
+        frontier = self.sensor.frontier(self.room, self._given_up)
+        if frontier.size:
+            least = self.sensor.floor.robot.frontier_min_cells
+            return frontier, sight_kernels.cluster_centres(frontier, *self.sensor.floor.shape, least)
+        hiding = self.sensor.hiding_cells(self.room)
+        hiding = hiding[~self._given_up.ravel()[hiding]]
+        return hiding, hiding[:1]
+
+    def _give_up_unseeable(self, suspects: Indices) -> None:
+        from gavel_env import sight_kernels
+
+        dark = sight_kernels.unseeable(suspects, self.sensor.floor.reachable, self.sensor.floor.opaque, *self._reach)
+        self._given_up.ravel()[suspects[dark]] = True
 
     def settled(self) -> bool:
         """Tell whether the drive under way has lost its purpose: what it went to see has come into view."""
@@ -110,8 +131,4 @@ class RoomSearch:
     def _viewpoints(self, target: int) -> Indices:
         from gavel_env import sight_kernels
 
-        floor = self.sensor.floor
-        cell_m = floor.robot.cell_m
-        return sight_kernels.viewpoints(
-            floor.reachable, floor.opaque, target, _FRONTIER_M / cell_m, floor.robot.camera_range_m / cell_m
-        )
+        return sight_kernels.viewpoints(self.sensor.floor.reachable, self.sensor.floor.opaque, target, *self._reach)

@@ -83,6 +83,8 @@ class Sensor:
         self._watch = watch(floor)
         self.spotted: NDArray[np.bool_] = np.zeros(len(self._watch.pieces), np.bool_)
         self._room_seen = np.zeros(len(floor.room_ids), np.int32)
+        self._unseen: dict[int, Indices] = {}  # per room; both only shrink, so the next call starts from the last
+        self._hiding: dict[int, Indices] = {}
         self._fresh = np.empty(len(self._watch.pieces), np.int32)
         self._half_angle = math.radians(floor.robot.camera_fov_deg) / 2.0
         self._range_cells = floor.robot.camera_range_m / floor.robot.cell_m
@@ -121,11 +123,11 @@ class Sensor:
         turns = self.floor.robot.scan_headings
         return [p for k in range(turns) for p in self.look(cell, heading + 2.0 * math.pi * k / turns)]
 
-    def saw_floor_near(self, cell: int) -> bool:
-        """Tell whether what lies on the floor at a cell has been seen."""
+    def saw_floor_near(self, cells: Indices) -> NDArray[np.bool_]:
+        """Tell for each of (n,) cells whether what lies on the floor there has been seen."""
         from gavel_env import sight_kernels
 
-        return sight_kernels.any_seen_near(self.seen, self.floor.rooms, cell, self._within_cells)
+        return sight_kernels.seen_near(cells, self.seen, self.floor.rooms, self._within_cells)
 
     def seen_share(self, room: str) -> float:
         """Return the share of a room's floor that was seen (1 for a room without floor)."""
@@ -143,17 +145,19 @@ class Sensor:
 
     def hiding_cells(self, room: str) -> Indices:
         """Return (n,) floor cells of a room around which nothing was seen within `seen_within_m`."""
+        index = self.floor.room_index[room]
+        cells = self._hiding.get(index, self._watch.floor_cells[index])
+        self._hiding[index] = cells[~self.saw_floor_near(cells)]
+        return self._hiding[index]
+
+    def frontier(self, room: str, given_up: NDArray[np.bool_]) -> Indices:
+        """Return (n,) unseen floor cells of a room that touch seen floor, without those given up."""
         from gavel_env import sight_kernels
 
-        cells = self._watch.floor_cells[self.floor.room_index[room]]
-        return sight_kernels.hiding_cells(cells, self.seen, self.floor.rooms, self._within_cells)
-
-    def frontiers(self, room: str, given_up: NDArray[np.bool_]) -> Indices:
-        """Return (n,) unseen floor cells, the centres of a room's frontier clusters, without those given up."""
-        from gavel_env import sight_kernels
-
-        cells = self._watch.floor_cells[self.floor.room_index[room]]
-        return sight_kernels.frontier_centres(cells, self.seen, given_up, self.floor.robot.frontier_min_cells)
+        index = self.floor.room_index[room]
+        unseen = self._unseen.get(index, self._watch.floor_cells[index])
+        self._unseen[index] = unseen[~self.seen.ravel()[unseen]]
+        return sight_kernels.frontier_cells(self._unseen[index], self.seen, given_up)
 
 
 def revealed(graph: SceneGraph, obj: str) -> Iterator[str]:

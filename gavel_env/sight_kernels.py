@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from gavel_env.kernels import Bools, Floats, Ints, compiled
 
 __all__ = [
-    "any_seen_near",
-    "frontier_centres",
-    "hiding_cells",
+    "cluster_centres",
+    "frontier_cells",
     "line_clear",
     "look",
     "reach_cells",
+    "seen_near",
+    "unseeable",
     "viewpoints",
     "watching_cells",
 ]
@@ -228,74 +229,88 @@ def look(
 
 
 @compiled
-def any_seen_near(seen: Bools, rooms: NDArray[np.int16], cell: int, within: float) -> bool:
-    """Tell whether floor of the cell's room was seen within a distance (in cells) of it."""
-    height, width = seen.shape
-    row0, column0 = cell // width, cell % width
-    room = rooms[row0, column0]
-    span = int(within)
-    for row in range(max(0, row0 - span), min(height, row0 + span + 1)):
-        for column in range(max(0, column0 - span), min(width, column0 + span + 1)):
-            near = (row - row0) ** 2 + (column - column0) ** 2 <= within * within
-            if near and seen[row, column] and rooms[row, column] == room:
-                return True
-    return False
-
-
-@compiled
-def hiding_cells(floor_cells: Ints, seen: Bools, rooms: NDArray[np.int16], within: float) -> Ints:
-    """Return the unseen cells around which nothing was seen either: only there can an unseen object be.
+def seen_near(cells: Ints, seen: Bools, rooms: NDArray[np.int16], within: float) -> Bools:
+    """Tell for each cell whether floor of its room was seen within a distance of it.
 
     Args:
-        floor_cells: (n,) flat indices of one room's floor.
+        cells: (n,) flat indices.
         seen: (height, width).
         rooms: (height, width) room index.
         within: cells.
+
+    Returns:
+        (n,) bool.
     """
-    width = seen.shape[1]
-    found = np.empty(floor_cells.size, np.int32)
-    count = 0
-    for cell in floor_cells:
-        if not seen[cell // width, cell % width] and not any_seen_near(seen, rooms, cell, within):
-            found[count] = cell
-            count += 1
-    return found[:count].copy()
+    height, width = seen.shape
+    span = int(within)
+    found = np.zeros(cells.size, np.bool_)
+    for k in range(cells.size):
+        row0, column0 = cells[k] // width, cells[k] % width
+        if seen[row0, column0]:
+            found[k] = True
+            continue
+        room = rooms[row0, column0]
+        for row in range(max(0, row0 - span), min(height, row0 + span + 1)):
+            for column in range(max(0, column0 - span), min(width, column0 + span + 1)):
+                if not seen[row, column] or rooms[row, column] != room:
+                    continue
+                if (row - row0) ** 2 + (column - column0) ** 2 <= within * within:
+                    found[k] = True
+                    break
+            if found[k]:
+                break
+    return found
 
 
 @compiled
-def frontier_centres(floor_cells: Ints, seen: Bools, given_up: Bools, least: int) -> Ints:
-    """Cluster the frontier of a room and return the member nearest to each cluster's centroid.
-
-    A frontier cell is unseen floor that touches seen floor; cells given up are left out. Clusters smaller than `least`
-    are dropped if any is larger.
+def frontier_cells(unseen: Ints, seen: Bools, given_up: Bools) -> Ints:
+    """Return the unseen floor that touches seen floor, without the cells given up.
 
     Args:
-        floor_cells: (n,) flat indices of one room's floor, ascending.
+        unseen: (n,) flat indices of one room's unseen floor.
         seen: (height, width).
         given_up: (height, width).
-        least: cells.
-
-    Returns:
-        (clusters,) flat indices.
     """
     height, width = seen.shape
-    open_cell = np.zeros((height, width), np.bool_)
-    for cell in floor_cells:
+    found = np.empty(unseen.size, np.int32)
+    count = 0
+    for cell in unseen:
         row, column = cell // width, cell % width
-        if seen[row, column] or given_up[row, column]:
+        if given_up[row, column]:
             continue
         for step in range(4):
             row1, column1 = row + (0, 1, 0, -1)[step], column + (1, 0, -1, 0)[step]
             if 0 <= row1 < height and 0 <= column1 < width and seen[row1, column1]:
-                open_cell[row, column] = True
-    centres = np.empty(floor_cells.size, np.int32)
-    sizes = np.empty(floor_cells.size, np.int32)
-    queue = np.empty(floor_cells.size, np.int32)
+                found[count] = cell
+                count += 1
+                break
+    return found[:count].copy()
+
+
+@compiled
+def cluster_centres(cells: Ints, height: int, width: int, least: int) -> Ints:
+    """Cluster touching cells (8 neighbours) and return the member nearest to each cluster's centroid.
+
+    Args:
+        cells: (n,) flat indices.
+        height: of the grid.
+        width: of the grid.
+        least: clusters of fewer cells are dropped if any is larger.
+
+    Returns:
+        (clusters,) flat indices.
+    """
+    waiting = np.zeros((height, width), np.bool_)
+    for cell in cells:
+        waiting[cell // width, cell % width] = True
+    centres = np.empty(cells.size, np.int32)
+    sizes = np.empty(cells.size, np.int32)
+    queue = np.empty(cells.size, np.int32)
     count = 0
-    for start in floor_cells:
-        if not open_cell[start // width, start % width]:
+    for start in cells:
+        if not waiting[start // width, start % width]:
             continue
-        open_cell[start // width, start % width] = False
+        waiting[start // width, start % width] = False
         queue[0] = start
         head, tail = 0, 1
         sum_row, sum_column = 0, 0
@@ -306,8 +321,8 @@ def frontier_centres(floor_cells: Ints, seen: Bools, given_up: Bools, least: int
             sum_column += column
             for row1 in range(max(0, row - 1), min(height, row + 2)):
                 for column1 in range(max(0, column - 1), min(width, column + 2)):
-                    if open_cell[row1, column1]:
-                        open_cell[row1, column1] = False
+                    if waiting[row1, column1]:
+                        waiting[row1, column1] = False
                         queue[tail] = row1 * width + column1
                         tail += 1
         best, best_away = queue[0], np.inf
@@ -354,3 +369,12 @@ def viewpoints(reachable: Bools, opaque: Bools, cell: int, near: float, far: flo
         if count:
             return found[:count].copy()
     return np.empty(0, np.int32)
+
+
+@compiled
+def unseeable(cells: Ints, reachable: Bools, opaque: Bools, near: float, far: float) -> Bools:
+    """Tell for each cell whether no reachable cell within `far` sees it; (n,) bool, arguments as in `viewpoints`."""
+    dark = np.zeros(cells.size, np.bool_)
+    for k in range(cells.size):
+        dark[k] = viewpoints(reachable, opaque, cells[k], near, far).size == 0
+    return dark
