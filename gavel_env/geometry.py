@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple, TypeVar
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -263,24 +264,26 @@ def _frozen(array: _Array) -> _Array:
 
 
 def known_layout(scene: Scene, robot: RobotConfig = DEFAULT_ROBOT) -> FloorMap:
-    """Return the map of rooms, walls and openings alone, known before anything was seen; built once per scene."""
-    return _build(scene, robot, furnished=False)
+    """Return the map of rooms, walls and openings alone, known before anything was seen; built once per scene.
+
+    Its `scene` has no furniture and no items either.
+    """
+    return _build(msgspec.structs.replace(scene, furniture=(), items=(), not_placed=()), robot)
 
 
 def floor_map(scene: Scene, robot: RobotConfig = DEFAULT_ROBOT) -> FloorMap:
     """Return the map with the furniture, which the executor drives on; built once per scene."""
-    return _build(scene, robot, furnished=True)
+    return _build(scene, robot)
 
 
 @lru_cache(maxsize=64)
-def _build(scene: Scene, robot: RobotConfig, *, furnished: bool) -> FloorMap:
+def _build(scene: Scene, robot: RobotConfig) -> FloorMap:
     from gavel_env import raster_kernels
 
-    furniture = scene.furniture if furnished else ()
     grid = rasterise(scene, robot.cell_m)
     radius_m = max(0.0, robot.robot_radius_m - robot.erosion_tolerance_m)
     away = np.full(grid.rooms.shape, np.inf)
-    for piece in furniture:
+    for piece in scene.furniture:
         if piece.blocks:
             raster_kernels.stamp_rectangle(
                 footprint(piece, grid.origin_m, robot.cell_m), robot.robot_radius_m / robot.cell_m, away
@@ -295,5 +298,5 @@ def _build(scene: Scene, robot: RobotConfig, *, furnished: bool) -> FloorMap:
         opaque=_frozen(opaque),
         obstacle=_frozen(away == 0.0),
         free=_frozen(free),
-        pieces={piece.id: piece for piece in furniture},
+        pieces={piece.id: piece for piece in scene.furniture},
     )
