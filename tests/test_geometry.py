@@ -167,7 +167,7 @@ def test_room_distances_are_a_metric_over_reachable_rooms(mapped: FloorMap) -> N
 def test_known_layout_ignores_furniture_and_the_true_map_does_not() -> None:
     layout, true_map = known_layout(flat()), floor_map(flat())
     assert not layout.pieces
-    assert not (layout.scene.furniture or layout.scene.items)
+    assert layout.scene.furniture == layout.scene.items == ()
     assert (layout.rooms == true_map.rooms).all()
     assert (layout.free | ~true_map.free).all()
     assert layout.traversable_m2("kitchen_0") > true_map.traversable_m2("kitchen_0") + 1.0
