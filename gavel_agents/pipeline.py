@@ -197,17 +197,8 @@ class PlanningAgent:
                 cell = observed.layout.nearest_reachable(x, y, observed.graph.room_of(instance))
                 if cell is not None:
                     cells[node] = cell
-        beliefs = {node: self._belief[node] for node in self._graph.world.nodes if node not in cells}
-        if self.config.belief == "argmax":
-            beliefs = {node: _most_likely(belief) for node, belief in beliefs.items()}
-        return beliefs, cells
-
-
-def _most_likely(belief: Floats) -> Floats:
-    """Collapse a belief to its most likely room, one-hot."""
-    out = np.zeros_like(belief)
-    out[int(np.argmax(belief))] = 1.0
-    return out
+        belief = self._belief.collapsed() if self.config.belief == "argmax" else self._belief
+        return {node: belief[node] for node in self._graph.world.nodes if node not in cells}, cells
 
 
 def _union(tasks: list[TaskUnderstanding]) -> Goal:
