@@ -68,6 +68,12 @@ def test_what_is_shut_away_is_unknown_until_its_door_is_opened() -> None:
     opened = executor.step(Action(OPEN, "fridge_0"))
     assert opened.observed == ("apple_0",)
     assert executor.graph.supports["apple_0"] == (Relation.INSIDE, "fridge_0")
+    assert executor.step(Action(Primitive.CLOSE, "fridge_0")).ok
+    for target in ("apple_0", "apple"):
+        shut_away = executor.step(Action(GO, target), accepts=None if target == "apple_0" else {"apple_0"}.__contains__)
+        assert shut_away.violation == Violation(ViolationKind.HIDDEN, "apple_0", "fridge_0")
+        assert shut_away.metres == 0.0
+    assert executor.step(Action(OPEN, "fridge_0")).observed == ()
     assert executor.step(Action(GRASP, "apple_0")).ok
 
 
