@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import subprocess
@@ -88,7 +89,7 @@ def test_a_record_carries_the_whole_episode(instructions: Path, tmp_path: Path) 
             points = np.array(step.route)
             assert np.hypot(*np.diff(points, axis=0).T).sum() == pytest.approx(step.metres, rel=0.05, abs=0.1)
         routes = [step.route for step in driven]
-        assert all(here[-1] == there[0] for here, there in zip(routes, routes[1:], strict=False))
+        assert all(here[-1] == there[0] for here, there in itertools.pairwise(routes))
 
 
 def test_an_unfinished_goal_and_a_left_open_door_are_told_apart(instructions: Path, tmp_path: Path) -> None:
@@ -267,5 +268,5 @@ def test_a_simplified_route_is_the_same_polyline(moves: list[tuple[int, int]]) -
     assert tuple(short[-1]) == pytest.approx(points[-1])
     length = np.hypot(*np.diff(points, axis=0).T).sum()
     assert np.hypot(*np.diff(short, axis=0).T).sum() == pytest.approx(length)
-    kept = 1 + sum(a != b for a, b in zip(moves, moves[1:], strict=False))
+    kept = 1 + sum(a != b for a, b in itertools.pairwise(moves))
     assert len(short) == kept + 1
