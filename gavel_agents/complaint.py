@@ -56,7 +56,7 @@ class Complaint(msgspec.Struct, frozen=True):
     """What is wrong with one plan.
 
     Attributes:
-        task: number of the task, from 1.
+        task: number of the task, from 1; None if there is only one plan.
         plan: the plan that was judged.
         violation: the first violated precondition, with its step, or None.
         needs: what the failing action needs, or empty.
@@ -66,7 +66,7 @@ class Complaint(msgspec.Struct, frozen=True):
         left_open, left_on: what it leaves open or on.
     """
 
-    task: int
+    task: int | None
     plan: tuple[Action, ...]
     violation: Violation | None
     needs: str
@@ -78,9 +78,8 @@ class Complaint(msgspec.Struct, frozen=True):
 
     def text(self) -> str:
         """Return the complaint in words."""
-        lines = [f"Task {self.task} {self._summary()}"]
-        if not self.plan:
-            lines[0] = f"Task {self.task} has no plan."
+        name = "The plan" if self.task is None else f"Task {self.task}"
+        lines = [f"{name} {self._summary()}"]
         step = None if self.violation is None else self.violation.step
         for index, action in enumerate(self.plan):
             words = f"{action.primitive.name} {action.target or ''}".strip()
@@ -99,12 +98,14 @@ class Complaint(msgspec.Struct, frozen=True):
         return "\n".join(lines)
 
     def _summary(self) -> str:
+        if not self.plan:
+            return "has no steps."
         if self.violation is not None:
             return f"fails at step {(self.violation.step or 0) + 1}:"
         return "does not reach its goal:" if self.unmet else "reaches its goal but leaves things open or on:"
 
 
-def complaint(verdict: Verdict, task: int = 1, profile: Profile = Profile.PAPER) -> Complaint | None:
+def complaint(verdict: Verdict, task: int | None = None, profile: Profile = Profile.PAPER) -> Complaint | None:
     """Return what a verdict complains of, or None if the plan is valid."""
     if verdict.valid:
         return None

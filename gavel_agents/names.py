@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from gavel_agents.validation import Plan
 from gavel_env.actions import Action
-from gavel_env.goals import Designator, fitting
+from gavel_env.goals import Designator, Goal, fitting
 from gavel_env.graph import SceneGraph
 
 __all__ = ["resolve", "resolve_name"]
@@ -15,9 +15,35 @@ __all__ = ["resolve", "resolve_name"]
 _PLACE_PHRASE = re.compile(r"_(?:in|of|from|at|on)_(?:the_)?")
 
 
-def resolve(graph: SceneGraph, plan: Sequence[Action]) -> Plan:
-    """Return the plan with its names resolved against a graph."""
-    return tuple(a if a.target is None else a._replace(target=resolve_name(graph, a.target)) for a in plan)
+def resolve(graph: SceneGraph, plan: Sequence[Action], goal: Goal | None = None) -> Plan:
+    """Return the plan with its names resolved against a graph.
+
+    Args:
+        graph: believed or hidden graph.
+        plan: actions as they were written.
+        goal: settles categories with several instances: the only one that holds an object of the goal or of the plan;
+            else, for a designator that the goal itself uses, the first that fits, since any will do.
+    """
+    named = dict.fromkeys(a.target for a in plan if a.target is not None)
+    meant = {name: resolve_name(graph, name) for name in named}
+    if goal is not None:
+        things = {obj for literal in goal.literals for obj in fitting(graph, literal.subject)} | set(meant.values())
+        for name, found in meant.items():
+            if found not in graph.world.nodes and found not in graph.world.rooms:
+                meant[name] = _any_that_fits(graph, found, things, goal)
+    return tuple(a if a.target is None else a._replace(target=meant[a.target]) for a in plan)
+
+
+def _any_that_fits(graph: SceneGraph, name: str, things: set[str], goal: Goal) -> str:
+    fits = next((f for form in _forms(name) if (f := fitting(graph, Designator(*_split_room(form))))), ())
+    holding = [obj for obj in fits if any(item in things for item in graph.descendants(obj))]
+    if len(holding) == 1:
+        return holding[0]
+    for literal in goal.literals:
+        for designator in (literal.subject, literal.object):
+            if designator is not None and str(designator) in (name, *_forms(name)):
+                return fits[0] if fits else name
+    return name
 
 
 def resolve_name(graph: SceneGraph, name: str) -> str:

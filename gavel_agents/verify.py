@@ -10,7 +10,7 @@ from typing import Any
 
 import msgspec
 
-from gavel_agents.complaint import complain
+from gavel_agents.complaint import complaint
 from gavel_agents.names import resolve
 from gavel_agents.plans import Dropped, ParsedPlans, parse_plans
 from gavel_agents.repair import Repaired
@@ -82,7 +82,8 @@ class Verified(msgspec.Struct, frozen=True):
     @property
     def complaint(self) -> str:
         """What is still wrong, in words; empty if nothing is."""
-        return "" if self.final.valid else complain((self.final,), (self.goal,), self.parsed, self.profile)
+        found = complaint(self.final, profile=self.profile)
+        return "" if found is None else found.text()
 
     def diff(self) -> str:
         """Return the unified diff from the plan as given to the repaired one; empty if they agree."""
@@ -180,18 +181,20 @@ def verify_on_graph(
 ) -> Verified:
     """Check (and repair) a plan on any graph, believed or hidden; arguments as in `verify`."""
     profile = Profile(profile)
-    parsed = _parsed(plan, graph)
+    parsed = _parsed(plan, graph, goal)
     verdict = validate(graph, parsed.plan, goal, cost=cost, profile=profile)
     repaired = repair_plan(graph, parsed.plan, goal, cost=cost, profile=profile) if repair else None
     return Verified("", "", goal, parsed, verdict, repaired, profile)
 
 
-def _parsed(plan: str | Sequence[str] | Sequence[Action], graph: SceneGraph) -> ParsedPlans:
+def _parsed(plan: str | Sequence[str] | Sequence[Action], graph: SceneGraph, goal: Goal) -> ParsedPlans:
     if isinstance(plan, str):
-        return parse_plans(plan, graph)
-    if all(isinstance(step, Action) for step in plan):
-        return ParsedPlans((resolve(graph, [step for step in plan if isinstance(step, Action)]),))
-    return parse_plans("\n".join(str(step) for step in plan), graph)
+        parsed = parse_plans(plan)
+    elif all(isinstance(step, Action) for step in plan):
+        parsed = ParsedPlans((tuple(step for step in plan if isinstance(step, Action)),))
+    else:
+        parsed = parse_plans("\n".join(str(step) for step in plan))
+    return msgspec.structs.replace(parsed, plans=(resolve(graph, parsed.plan, goal),))
 
 
 def find_instruction(source: str | Path | Mapping[str, Any]) -> Instruction:

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from importlib import resources
+from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
+from worlds import restrict
 
 from gavel_env.actions import Action, Primitive
-from gavel_env.goals import Goal, parse_goal
+from gavel_env.goals import Goal, fitting, parse_goal
 from gavel_env.graph import Node, Relation, SceneGraph, Support
-from gavel_env.grounding import scene_graph
+from gavel_env.grounding import instruction_graph, scene_graph
+from gavel_env.instructions import read_instructions
 from gavel_env.ontology import Category, default_ontology
 from gavel_env.scenes import load_scene, scene_names
 
@@ -270,6 +275,36 @@ def draw_errand(rng: Rng, scenes: tuple[str, ...] | None = None) -> Errand:
         return Errand(shape, house.graph, parse_goal(house.goal), tuple(house.steps))
 
 
+def shipped_errands() -> list[Errand]:
+    """Return every task of the shipped instructions as an errand of its own."""
+    errands = []
+    for file in sorted(Path(str(resources.files("envs_data") / "instructions")).glob("*.jsonl")):
+        for record in read_instructions(file).values():
+            graph = instruction_graph(load_scene(record.scene), record)
+            errands += [Errand(record.kind, graph, t.parsed_goal(), t.parsed_plan()) for t in record.tasks]
+    return errands
+
+
+def believed(rng: Rng, errand: Errand) -> Errand:
+    """Return the errand over a believed graph: only what it speaks of is known, of some things not where it is."""
+    goal, graph = errand.goal, errand.graph
+    named = {a.target for a in errand.reference if a.target is not None}
+    for literal in goal.literals:
+        for designator in (literal.subject, literal.object):
+            if designator is not None and not named & set(fitting(graph, designator)):
+                named.update(fitting(graph, designator)[:1])
+    small = restrict(graph, sorted(named))
+    nodes = {}
+    for obj, node in small.world.nodes.items():
+        room = graph.room_of(obj)
+        nodes[obj] = node._replace(stated_room=None if room is None else graph.world.rooms[room].type)
+    small = small.with_nodes(nodes)
+    for obj, support in sorted(small.supports.items()):
+        if support.relation is not Relation.INSIDE and rng.random() < 0.6:
+            small = small.place(obj, None)
+    return errand._replace(graph=msgspec.structs.replace(small, robot_room=None))
+
+
 # --- defects -------------------------------------------------------------------------------------------------------
 
 
@@ -443,11 +478,17 @@ DEFECTS: dict[str, Defect] = {
 
 
 def corrupt(rng: Rng, errand: Errand, count: int) -> tuple[Plan, tuple[str, ...]]:
-    """Put `count` random defects into an errand's reference plan; return the plan and the defects' names."""
+    """Put up to `count` random defects (what a short plan has room for) into an errand's reference plan.
+
+    Returns:
+        The corrupted plan, and the names of its defects.
+    """
     plan = errand.reference
     names: list[str] = []
     kinds = list(DEFECTS)
-    while len(names) < count:
+    for _ in range(20 * count):
+        if len(names) == count:
+            break
         name = kinds[int(rng.integers(len(kinds)))]
         changed = DEFECTS[name](rng, errand.graph, plan)
         if changed is None:

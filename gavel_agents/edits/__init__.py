@@ -24,7 +24,9 @@ def offers(verdict: Verdict, goal: Goal, profile: Profile = Profile.PAPER) -> It
     """Yield the model-derived edits of a verdict's plan, best first; none = left to the model."""
     case = Case(verdict, goal, profile)
     if verdict.violation is not None:
-        cause = str(verdict.violation._replace(step=None))
+        kind, subject, blocker, _ = verdict.violation
+        because = f" (because of {blocker})" if blocker not in (None, subject) else ""
+        cause = f"{kind.value}({subject}){because}"
         for rule in VIOLATION_RULES[verdict.violation.kind]:
             for change in rule(case):
                 yield Edit(rule.__name__, case.step, cause, change.text, change.plan)

@@ -292,13 +292,6 @@ def close_in_time(case: Case, container: str) -> Iterator[Change]:
             break
 
 
-def close_at_end(case: Case, container: str) -> Iterator[Change]:
-    """Container left open: go back and close it."""
-    sketch = Sketch(case.graph, case.profile)
-    if sketch.reach(container) and sketch.operate(Primitive.CLOSE, container):
-        yield insert(case.plan, len(case.plan), sketch.steps)
-
-
 def switch_off(case: Case, appliance: str) -> Iterator[Change]:
     """Appliance left on: switch it off after its run."""
     for step in range(len(case.plan) - 1, -1, -1):
@@ -331,7 +324,7 @@ LITERAL_RULES: Mapping[Predicate, tuple[GoalRule, ...]] = {
 """Predicate of an unmet literal -> edit rules in order of preference."""
 
 SAFETY_RULES: Mapping[Flag, tuple[SafetyRule, ...]] = {
-    Flag.OPEN: (close_in_time, close_at_end),
+    Flag.OPEN: (close_in_time,),
     Flag.TOGGLED: (switch_off,),
 }
 """What was left (OPEN, TOGGLED) -> edit rules in order of preference."""
