@@ -98,7 +98,7 @@ def _planning_agent(name: str, **options: Any) -> Agent:
 
 
 def verify(*args: Any, **kwargs: Any) -> Any:
-    """Check (and repair) a plan against a scene and an instruction; see `gavel_agents.verify.verify`."""
-    from gavel_agents.verify import verify as run
+    """Check (and repair) a plan against a scene and an instruction; see `gavel_agents.verification.verify`."""
+    from gavel_agents.verification import verify as run
 
     return run(*args, **kwargs)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from gavel_agents.validation import Verdict
-    from gavel_agents.verify import Verified
+    from gavel_agents.verification import Verified
 
 __all__ = ["register"]
 
@@ -38,7 +38,7 @@ def register(subparsers: Any) -> None:
 
 
 def _verify(arguments: argparse.Namespace) -> int:
-    from gavel_agents.verify import verify
+    from gavel_agents.verification import verify
 
     result = verify(
         scene=arguments.scene,
