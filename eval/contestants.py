@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import gavel_agents
+from eval.episodes import EnvironmentSettings
 from eval.records import Contestant
-from eval.rig import EnvironmentSettings
 from eval.runner import contestant
 from gavel_agents.llm import BadPlannerSpec, load_model
 from gavel_agents.methods import METHODS

@@ -1,16 +1,15 @@
-"""How result tables look: on a terminal, as Markdown, LaTeX or CSV."""
+"""How result tables are laid out: columns, labels, marks and notes; `eval.formats` sets them."""
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
+from pathlib import PurePath
 from typing import NamedTuple
 
 from eval.statistics import Estimate
 from eval.tables import Results, Row, Section
 
-__all__ = ["FORMATS", "Grid", "grids", "render", "to_csv"]
+__all__ = ["CHOICES", "UNDEFINED", "Grid", "grids"]
 
 UNDEFINED = "—"
 _TITLES = {"single": "Single tasks", "multi": "Multi-task instructions", "behavior": "BEHAVIOR activities"}
@@ -72,7 +71,7 @@ _COLUMNS = (
     _Column("Attempts", lambda row: _number(row.attempts, 2)),
     _Column("N", _episodes),
 )
-_CHOICES = ("planner", "understanding", "prior")
+CHOICES = ("planner", "understanding", "prior")
 
 
 def grids(results: Results, *, failures: bool = False) -> tuple[Grid, ...]:
@@ -89,15 +88,21 @@ def grids(results: Results, *, failures: bool = False) -> tuple[Grid, ...]:
 
 def _labels(section: Section) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Return the text columns: the agent with its marks, what differs between rows, and stamps to tell twins apart."""
-    varying = [name for name in _CHOICES if len({getattr(r.contestant, name) for r in section.rows} - {""}) > 1]
+    varying = [name for name in CHOICES if len({getattr(r.contestant, name) for r in section.rows} - {""}) > 1]
     rows = [
-        (r.contestant.agent + _marks(r), *(getattr(r.contestant, name) or UNDEFINED for name in varying))
+        (r.contestant.agent + _marks(r), *(_short(getattr(r.contestant, name)) or UNDEFINED for name in varying))
         for r in section.rows
     ]
     if len(set(rows)) < len(rows):
         varying.append("settings")
         rows = [(*cells, r.contestant.config[:6]) for cells, r in zip(rows, section.rows, strict=True)]
     return ("Agent", *(name.capitalize() for name in varying)), list(rows)
+
+
+def _short(spec: str) -> str:
+    """Return a spec without the folders of the file that it names; names of models keep their slashes."""
+    kind, colon, argument = spec.partition(":")
+    return f"{kind}:{PurePath(argument).name}" if colon and PurePath(argument).suffix else spec
 
 
 def _marks(row: Row) -> str:
@@ -123,10 +128,10 @@ def _title(section: Section, results: Results) -> str:
     bench = section.benchmark
     name = _TITLES.get(bench.kind, bench.kind)
     parts = [f"{section.instructions} from {bench.source}", f"stamp {bench.stamp or UNDEFINED}, data {bench.data}"]
-    for choice in _CHOICES:
+    for choice in CHOICES:
         named = {getattr(row.contestant, choice) for row in section.rows} - {""}
         if len(named) == 1:
-            parts.append(f"{choice} {named.pop()}")
+            parts.append(f"{choice} {_short(named.pop())}")
         elif not named and choice == "planner":
             parts.append("no planner")
     parts += [f"{fact} {value}" for fact, value in results.facts]
@@ -182,134 +187,3 @@ def _failures(section: Section) -> Grid:
     rows.append(("scheduled", *(str(row.scheduled) for row in section.rows)))
     name = _TITLES.get(section.benchmark.kind, section.benchmark.kind)
     return Grid(f"{name}: why episodes failed", ("Failure", *names), 1, tuple(rows))
-
-
-# --- formats -------------------------------------------------------------------------------------------------------
-
-
-def _terminal(tables: Sequence[Grid], _: Results, width: int | None = None) -> str:
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    console = Console(file=io.StringIO(), width=width, color_system=None)
-    if width is None and not console.is_terminal:
-        console.width = 140
-    for grid in tables:
-        console.print(Text(grid.title, style="bold"), soft_wrap=True)
-        table = Table(box=SIMPLE_HEAD, pad_edge=False)
-        for index, name in enumerate(grid.header):
-            table.add_column(Text(name), justify="left" if index < grid.labels else "right", overflow="fold")
-        for row in grid.rows:
-            table.add_row(*map(Text, row))
-        console.print(table)
-        for note in grid.notes:
-            console.print(Text(note), soft_wrap=True)
-        console.print()
-    stream = console.file
-    assert isinstance(stream, io.StringIO)
-    return "\n".join(line.rstrip() for line in stream.getvalue().rstrip().splitlines()) + "\n"
-
-
-def _markdown(tables: Sequence[Grid], _: Results) -> str:
-    parts: list[str] = []
-    for grid in tables:
-        lines = [f"**{grid.title}**", ""]
-        lines.append("| " + " | ".join(_md(cell) for cell in grid.header) + " |")
-        lines.append("|" + "|".join(["---"] * grid.labels + ["--:"] * (len(grid.header) - grid.labels)) + "|")
-        lines += ["| " + " | ".join(_md(cell) for cell in row) + " |" for row in grid.rows]
-        for note in grid.notes:
-            lines += ["", _md(note)]
-        parts.append("\n".join(lines) + "\n")
-    return "\n".join(parts)
-
-
-def _md(text: str) -> str:
-    return text.replace("|", "\\|").replace("\n", " ")
-
-
-_LATEX = {
-    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
-    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "±": r"$\pm$", "×": r"$\times$", "—": "---", "·": r"$\cdot$",
-    "†": r"$\dagger$", "‡": r"$\ddagger$", "§": r"\S{}", "…": r"\ldots{}",
-}  # fmt: skip
-
-
-def _tex(text: str) -> str:
-    return "".join(_LATEX.get(character, character) for character in text.replace("\n", " "))
-
-
-def _latex(tables: Sequence[Grid], _: Results) -> str:
-    parts = ["% needs \\usepackage{booktabs}"]
-    for grid in tables:
-        align = "l" * grid.labels + "r" * (len(grid.header) - grid.labels)
-        lines = [r"\begin{table}[t]", r"\centering", rf"\caption{{{_tex(grid.title)}}}"]
-        lines += [rf"\begin{{tabular}}{{@{{}}{align}@{{}}}}", r"\toprule"]
-        lines += [" & ".join(map(_tex, grid.header)) + r" \\", r"\midrule"]
-        lines += [" & ".join(map(_tex, row)) + r" \\" for row in grid.rows]
-        lines += [r"\bottomrule", r"\end{tabular}"]
-        lines += [r"\par\smallskip{\footnotesize " + _tex(note) + "}" for note in grid.notes]
-        parts.append("\n".join([*lines, r"\end{table}"]))
-    return "\n\n".join(parts) + "\n"
-
-
-def to_csv(results: Results) -> str:
-    """Return one line per row of every table, numbers in full precision, empty where undefined."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    measures = ("success_pct", "metres", "matched_metres", "planning_s", "attempts")
-    writer.writerow(
-        [
-            "kind",
-            "source",
-            "stamp",
-            "data",
-            "agent",
-            "privileged",
-            *_CHOICES,
-            "config",
-            "seeds",
-            "scheduled",
-            "recorded",
-        ]
-        + [f"{name}{part}" for name in measures for part in ("", "_pm", "_low", "_high")]
-        + ["matched_episodes", "times_oracle"]
-    )
-    for section in results.sections:
-        bench = section.benchmark
-        for index, row in enumerate(section.rows):
-            who = row.contestant
-            values = (row.success, row.metres, row.matched, row.planning_s, row.attempts)
-            numbers = [_blank(part) for value in values for part in _parts(value)]
-            writer.writerow(
-                [bench.kind, bench.source, bench.stamp, bench.data, who.agent, int(who.privileged)]
-                + [getattr(who, choice) for choice in _CHOICES]
-                + [who.config, " ".join(map(str, section.seeds)), row.scheduled, row.recorded, *numbers]
-                + [section.matched if index in section.compared else "", _blank(row.regret)]
-            )
-    return stream.getvalue()
-
-
-def _parts(value: Estimate | None) -> tuple[float | None, ...]:
-    if value is None:
-        return (None, None, None, None)
-    return (value.mean, value.spread, *(value.interval or (None, None)))
-
-
-def _blank(value: float | None) -> str:
-    return "" if value is None else repr(value)
-
-
-FORMATS: Mapping[str, Callable[[Sequence[Grid], Results], str]] = {
-    "terminal": _terminal,
-    "markdown": _markdown,
-    "latex": _latex,
-    "csv": lambda _, results: to_csv(results),
-}
-"""Format name -> function from the tables and results to text."""
-
-
-def render(results: Results, form: str = "terminal", *, failures: bool = False) -> str:
-    """Return the tables of some results in a format of `FORMATS`."""
-    return FORMATS[form](grids(results, failures=failures), results)

@@ -9,42 +9,33 @@ from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 import gavel_agents
 import gavel_env  # noqa: F401  (registers the environments)
-from eval.provenance import now
-from eval.records import Contestant, EpisodeKey, EpisodeRecord, Step
+from eval.episodes import EnvironmentSettings, Episode, classify, step_record
+from eval.records import Contestant, EpisodeRecord, Step
 from eval.scrub import describe_error, scrub
 from gavel_agents.base import Agent, AgentTrace, Privileged
 from gavel_agents.llm import ChatModel, load_model
 from gavel_agents.understanding import ReferenceUnderstanding, Understanding
-from gavel_env.actions import Action
 from gavel_env.dynamics import Profile
 from gavel_env.errors import GavelError, nearest_names
 from gavel_env.goals import unmet
 from gavel_env.instructions import Instruction
-from gavel_env.observed import EnvAction, Observed
 
 if TYPE_CHECKING:
     from gavel_env.env import GavelEnv
-    from gavel_env.episode import Judgement
 
 __all__ = [
     "ENVIRONMENTS",
     "UNDERSTANDINGS",
     "BadPlugin",
-    "EnvironmentSettings",
-    "Episode",
     "Rig",
     "UnknownUnderstanding",
     "import_plugins",
-    "simplified",
 ]
 
 UNDERSTANDINGS = ("reference",)
-_NOT_UNDERSTOOD = "not understood"
 
 
 class BadPlugin(GavelError):
@@ -74,54 +65,6 @@ ENVIRONMENTS: Mapping[str, str] = {
     "behavior": "Gavel-Behavior-v0",
 }
 """Kind of instruction -> id of its environment."""
-
-
-class EnvironmentSettings(msgspec.Struct, frozen=True):
-    """Settings that every contestant of a run shares.
-
-    Attributes:
-        profile: rules profile.
-        max_steps: actions after which an episode is truncated.
-        options: further keyword arguments of the environments.
-    """
-
-    profile: str = "paper"
-    max_steps: int = 300
-    options: dict[str, Any] = {}
-
-
-class Episode(msgspec.Struct, frozen=True):
-    """One episode to run: an instruction, or what stands for a line that could not be read.
-
-    Attributes:
-        instruction: None for a rejected line.
-        rejected: why the line was rejected.
-    """
-
-    key: EpisodeKey
-    kind: str
-    contestant: Contestant
-    code: str
-    instruction: Instruction | None = None
-    rejected: str = ""
-
-    def record(self, outcome: str, failure: str = "", *, privileged: bool = False, **fields: Any) -> EpisodeRecord:
-        """Return the episode's record; `privileged`: the agent turned out to see the hidden state."""
-        who = self.contestant
-        return EpisodeRecord(
-            seed=self.key.seed,
-            instruction=self.key.instruction,
-            kind=self.kind,
-            scene=self.instruction.scene if self.instruction else "",
-            text=self.instruction.text if self.instruction else "",
-            data=self.key.data,
-            code=self.code,
-            contestant=msgspec.structs.replace(who, privileged=True) if privileged else who,
-            outcome=outcome,
-            failure="" if outcome == "success" else failure or outcome,
-            finished=now(),
-            **fields,
-        )
 
 
 class _Progress:
@@ -257,7 +200,7 @@ class Rig:
             entered = clock()
             progress.seconds["execute"] += entered - asked
             progress.metres = float(info["metres"])
-            step = _step(action, info)
+            step = step_record(action, info)
             progress.steps.append(step)
             if step.outcome != "ok":
                 stopped_by = "violation"
@@ -269,7 +212,7 @@ class Rig:
         judgement = env_world.judge()
         hidden = env_world.privileged_state().graph
         fields = progress.fields()
-        outcome, failure = _class(stopped_by, judgement, fields["trace"].stopped)
+        outcome, failure = classify(stopped_by, judgement, fields["trace"].stopped)
         return episode.record(
             outcome,
             failure,
@@ -278,48 +221,6 @@ class Rig:
             tasks_met=tuple(not unmet(task.parsed_goal(), hidden) for task in instruction.tasks),
             **fields,
         )
-
-
-def _class(stopped_by: str, judgement: Judgement, stopped: str) -> tuple[str, str]:
-    """Return (outcome, failure class) of an episode that was played to its end."""
-    if stopped_by == "violation" and judgement.violation is not None:
-        return "violation", f"violation:{judgement.violation.kind.value}"
-    if stopped_by:
-        return stopped_by, stopped_by
-    if stopped.startswith(_NOT_UNDERSTOOD):
-        reason = stopped.removeprefix(_NOT_UNDERSTOOD).strip(": ").partition(":")[0]
-        return "refused", f"refused:{reason}" if reason else "refused"
-    if judgement.unmet:
-        return "unmet", "unmet:" + judgement.unmet[0].partition("(")[0]
-    if judgement.unsafe:
-        return "unsafe", "unsafe:" + judgement.unsafe[0].partition("(")[0]
-    return "success", ""
-
-
-def _step(action: EnvAction, info: Mapping[str, Any]) -> Step:
-    observed: Observed = info["observed"]
-    violation = info["violation"]
-    return Step(
-        action=str(Action(action.primitive, action.target)),
-        outcome=info["outcome"],
-        metres=round(float(info["step_metres"]), 3),
-        reached=observed.reached,
-        route=simplified(observed.layout.points(np.asarray(info["route"], np.int32))) if info["route"] else (),
-        detail="" if violation is None else str(violation),
-    )
-
-
-def simplified(points: NDArray[np.float64]) -> tuple[tuple[float, float], ...]:
-    """Return the ends and turning points of a polyline, to 1 cm.
-
-    Args:
-        points: (n, 2) x, y in metres.
-    """
-    if len(points) > 2:
-        before, after = np.diff(points[:-1], axis=0), np.diff(points[1:], axis=0)
-        straight = np.isclose(before, after).all(axis=1)
-        points = points[np.concatenate([[True], ~straight, [True]])]
-    return tuple((round(x, 2), round(y, 2)) for x, y in points.tolist())
 
 
 def _understanding(name: str, instruction: Instruction) -> Understanding:

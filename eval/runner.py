@@ -13,18 +13,17 @@ from typing import Any, Literal
 
 import msgspec
 
+from eval.episodes import EnvironmentSettings, Episode
+from eval.journal import RecordWriter, read_records
 from eval.provenance import code_version, data_stamp, file_stamp, now, stamp, versions
 from eval.records import (
     Benchmark,
     Contestant,
     EpisodeKey,
     EpisodeRecord,
-    RecordWriter,
     RejectedLine,
     RunHeader,
-    read_records,
 )
-from eval.rig import EnvironmentSettings, Episode
 from eval.workers import run_episodes
 from gavel_env.errors import DataError
 from gavel_env.instructions import Instruction, InstructionSet

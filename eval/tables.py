@@ -10,7 +10,8 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from eval.records import Benchmark, Contestant, EpisodeKey, EpisodeRecord, RecordFile
+from eval.journal import RecordFile
+from eval.records import Benchmark, Contestant, EpisodeKey, EpisodeRecord
 from eval.statistics import Estimate, over_episodes, over_seeds, share_over_seeds
 
 __all__ = ["Results", "Row", "Section", "results"]

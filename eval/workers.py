@@ -15,8 +15,9 @@ from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from eval.episodes import EnvironmentSettings, Episode
 from eval.records import EpisodeRecord
-from eval.rig import EnvironmentSettings, Episode, Rig
+from eval.rig import Rig
 from gavel_env.errors import GavelError
 
 __all__ = ["WorkerFailed", "run_episodes"]

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eval.records import OUTCOMES, Contestant, EpisodeRecord, RecordWriter, RunHeader, Step, read_records
+from eval.journal import RecordWriter, read_records
+from eval.records import OUTCOMES, Contestant, EpisodeRecord, RunHeader, Step
 from eval.scrub import describe_error, scrub, scrub_secrets
 from gavel_agents.base import AgentTrace, TaskTrace
 from gavel_env.errors import DataError

@@ -17,9 +17,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eval.contestants import choose
-from eval.layout import to_csv
-from eval.records import EpisodeRecord, read_records
-from eval.rig import EnvironmentSettings, simplified
+from eval.episodes import EnvironmentSettings, simplified
+from eval.formats import to_csv
+from eval.journal import read_records
+from eval.records import EpisodeRecord
 from eval.runner import Schedule, contestant, run, schedule
 from eval.tables import results
 from gavel_env.errors import DataError, GavelError, UnknownAgent

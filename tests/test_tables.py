@@ -12,8 +12,10 @@ import pandas as pd
 import pytest
 from scipy.stats import binomtest
 
-from eval.layout import FORMATS, grids, render, to_csv
-from eval.records import Benchmark, Contestant, EpisodeKey, EpisodeRecord, RecordFile, RejectedLine, RunHeader
+from eval.formats import FORMATS, render, to_csv
+from eval.journal import RecordFile
+from eval.layout import grids
+from eval.records import Benchmark, Contestant, EpisodeKey, EpisodeRecord, RejectedLine, RunHeader
 from eval.statistics import over_episodes, over_seeds, share_over_seeds, wilson
 from eval.tables import Results, Row, results
 from gavel_agents.base import AgentTrace

@@ -103,10 +103,11 @@ def _positive(text: str) -> int:
 
 def _eval(arguments: argparse.Namespace) -> int:
     from eval.contestants import choose, default_agents
-    from eval.layout import render
+    from eval.episodes import EnvironmentSettings
+    from eval.formats import render
+    from eval.journal import read_records
     from eval.progress import RunProgress
-    from eval.records import read_records
-    from eval.rig import EnvironmentSettings, import_plugins
+    from eval.rig import import_plugins
     from eval.runner import run, schedule
     from eval.tables import results
 

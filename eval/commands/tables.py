@@ -28,8 +28,8 @@ def register(subparsers: Any) -> None:
 
 
 def _tables(arguments: argparse.Namespace) -> int:
-    from eval.layout import render
-    from eval.records import read_records
+    from eval.formats import render
+    from eval.journal import read_records
     from eval.tables import results
     from gavel_env.errors import DataError
 
