@@ -113,4 +113,6 @@ class ActionCodec:
         by_room = dict(zip(nodes.rooms, weights.tolist(), strict=False))
         prior: Mapping[str, float] = {room: weight for room, weight in by_room.items() if weight > 0.0}
         excluded = frozenset(room for room, weight in by_room.items() if weight < 0.0)
+        if excluded and (room := nodes.common_name([r for r in nodes.rooms if r not in excluded])) is not None:
+            return Decoded(EnvAction(primitive, f"{name}@{room}", prior))
         return Decoded(EnvAction(primitive, name, prior), excluded)

@@ -6,10 +6,8 @@ Whoever holds an `Episode` can reach the hidden world; agents never do. They are
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
 from gavel_env.actions import Action, Primitive
@@ -67,12 +65,6 @@ class Privileged(NamedTuple):
     executor: Executor
 
 
-@lru_cache(maxsize=64)
-def _bare(scene: Scene) -> Scene:
-    """Return the house without anything in it: what is known of it from the start."""
-    return msgspec.structs.replace(scene, furniture=(), items=(), not_placed=())
-
-
 class Episode:
     """A running episode.
 
@@ -101,7 +93,7 @@ class Episode:
         self.scene = load_scene(instruction.scene)
         hidden = instruction_graph(self.scene, instruction, ontology)
         self.executor = Executor(self.scene, hidden, robot, rng, profile, ontology)
-        self.layout = known_layout(_bare(self.scene), robot)
+        self.layout = known_layout(self.scene, robot)
         self.goal: Goal = instruction.goal()
         self.start = self.executor.hidden
         self.violation: Violation | None = None

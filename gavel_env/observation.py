@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 import math
 import string
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -228,6 +228,15 @@ class GraphEncoder:
     def fits_room(self, designator: Designator) -> NDArray[np.bool_]:
         """Return (rooms,) bool: whether a designator's room is this one, by id or type."""
         return np.array([designator.room in (None, room, self._room_types[room]) for room in self.rooms])
+
+    def common_name(self, rooms: Sequence[str]) -> str | None:
+        """Return the room id or type that means exactly these rooms, or None if there is none."""
+        if len(rooms) == 1:
+            return rooms[0]
+        types = {self._room_types[room] for room in rooms}
+        if len(types) == 1 and all((room in rooms) == (kind in types) for room, kind in self._room_types.items()):
+            return types.pop()
+        return None
 
     def name(self, node: int) -> str | None:
         """Return the id of a room's or an object's node; None for the robot and for unused indices."""

@@ -265,7 +265,9 @@ def test_designators_with_a_room_mean_instances_there() -> None:
     assert steps(env, "NAVIGATE_TO(countertop@bathroom)")[-1]["outcome"] == "not_found"
 
 
-@pytest.mark.parametrize("target", ["countertop@kitchen", "countertop@living_room", "countertop", "countertop_1"])
+@pytest.mark.parametrize(
+    "target", ["countertop@kitchen", "countertop@living_room", "countertop@bathroom", "countertop", "countertop_1"]
+)
 def test_the_dict_form_does_what_the_names_do(target: str) -> None:
     named, encoded = start("rs_steak_on_floor"), start("rs_steak_on_floor")
     action = EnvAction(GO, target, {"kitchen_0": 3.0, "bedroom_0": 1.0})
@@ -273,6 +275,17 @@ def test_the_dict_form_does_what_the_names_do(target: str) -> None:
     second = encoded.step(encoded.unwrapped.encode(action))[-1]
     assert first["route"] == second["route"]
     assert first["observed"].reached == second["observed"].reached
+    assert first["outcome"] == second["outcome"]
+
+
+def test_rooms_of_negative_weight_are_not_meant() -> None:
+    env = start("rs_steak_on_floor")
+    rooms = list(env.unwrapped.observed.graph.world.rooms)
+    action = env.unwrapped.encode(EnvAction(GO, "countertop"))
+    for excluded, reached in (("kitchen_0", "countertop_1"), ("living_room_0", "countertop_0")):
+        action["search_prior"] = np.array([-1.0 * (room == excluded) for room in rooms] + [0.0] * (64 - len(rooms)))
+        assert env.step(action)[-1]["observed"].reached == reached
+        assert env.unwrapped.decode(action).target == "countertop"
 
 
 def test_encode_and_decode_are_inverse() -> None:
