@@ -205,6 +205,20 @@ def test_opening_a_container_shows_what_is_in_it() -> None:
     assert env.unwrapped.observed.positions["apple_0"] == env.unwrapped.observed.positions["fridge_0"]
 
 
+def test_reveal_makes_every_object_observed_and_changes_nothing_else() -> None:
+    env = start("benevolence_cook_apple", terminate_on_success=False)
+    before = env.unwrapped.privileged_state().graph
+    revealed = env.unwrapped.reveal()
+    assert revealed.graph == before
+    assert revealed.instruction == INSTRUCTIONS["benevolence_cook_apple"]
+    assert set(env.unwrapped.observed.graph.world.nodes) == set(before.world.nodes)
+    for action in INSTRUCTIONS["benevolence_cook_apple"].reference_plan():
+        observation, *_, info = env.step(EnvAction.of(action))
+        assert info["outcome"] == "ok"
+    assert len(observation["graph"].nodes) == 1 + len(before.world.rooms) + len(before.world.nodes)
+    assert env.unwrapped.judge().success
+
+
 def test_search_that_finds_nothing_is_refused_and_costs_metres() -> None:
     env = start("benevolence_cook_apple")
     *_, terminated, _, info = steps(env, "NAVIGATE_TO(washer)")

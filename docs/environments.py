@@ -1,0 +1,158 @@
+"""Writes docs/environments.md from the environment's docstring, its spaces and the text below.
+
+python docs/environments.py
+"""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+
+from gavel_env.dynamics import ViolationKind
+from gavel_env.env import GavelEnv
+from gavel_env.observation import NODE_COLUMNS, EdgeType
+from gavel_env.wrappers import FlatActions, PaddedGraph, TextActions
+
+PAGE = Path(__file__).with_suffix(".md")
+
+BEGINNING = """\
+# Environments
+
+Importing `gavel_env` registers two environments with Gymnasium: `Gavel-SingleTask-v0` (one task per instruction, at
+most 200 steps) and `Gavel-MultiTask-v0` (two to five independent tasks, at most 500 steps). Both are
+`gavel_env.GavelEnv` with another instruction file.
+
+```python
+import gymnasium as gym
+import gavel_env
+from gavel_env import EnvAction, Primitive
+
+env = gym.make("Gavel-SingleTask-v0", render_mode="ansi")
+observation, info = env.reset(seed=7)
+print(observation["instruction"])
+
+observed = info["observed"]  # the same view with names: an observed scene graph and the map of the rooms
+print(sorted(observed.graph.world.nodes)[:5], observed.graph.robot_room)
+
+# Go and find a fridge, the kitchen first; whatever is seen on the way is observed too.
+kitchens = {room.id: 1.0 for room in observed.graph.world.rooms.values() if room.type == "kitchen"}
+action = EnvAction(Primitive.NAVIGATE_TO, "fridge", search_prior=kitchens)
+observation, reward, terminated, truncated, info = env.step(action)
+print(info["outcome"], info["observed"].reached, f"{info['metres']:.1f} m")
+```
+
+With text, and in the form of the action space:
+
+```python
+from gavel_env import TextActions
+
+text_env = TextActions(gym.make("Gavel-SingleTask-v0", on_violation="noop"))
+text_env.reset(seed=7)
+text_env.step("navigate to the fridge")
+
+env.reset(seed=7)
+numbers = env.unwrapped.encode(action)
+assert numbers in env.action_space
+env.step(numbers)
+```
+
+Instructions of one's own are records (docs/instructions.md) or a file of them:
+
+```python
+record = {
+    "id": "apple",
+    "scene": "Rs_int",
+    "text": "Bring the apple to the coffee table.",
+    "placements": [{"category": "apple", "relation": "on", "target": "countertop@kitchen"}],
+    "tasks": [{"text": "Bring the apple.", "goal": ["on_top(apple, coffee_table)"], "reference_plan": []}],
+}
+env.reset(options={"instruction": record})
+for step in ("NAVIGATE_TO(apple)", "GRASP(apple)", "NAVIGATE_TO(coffee_table)", "PLACE_ON_TOP(coffee_table)"):
+    *_, info = env.step(EnvAction.of(gavel_env.parse_action(step)))
+assert info["success"]
+```
+
+"""
+
+END = """
+## What is hidden stays hidden
+
+Before something was observed it has no id, no node and no position: neither observations nor `info` nor any public
+attribute leads to it (`tests/test_leaks.py` walks them). An id that exists but was not observed is refused exactly as
+one that does not exist. Pictures (`render_mode="rgb_array"`) are for people: they show the whole house, unseen floor
+dimmed. Three methods of `env.unwrapped` look behind the curtain, and no agent but the oracle may call them:
+
+| method | for |
+|---|---|
+| `judge()` | runners: success, unmet goal literals, what was left open or on, metres |
+| `privileged_state()` | records: the hidden graph, the instruction's record, the house with its furniture |
+| `reveal()` | the oracle: the same, and every object becomes observed |
+
+## Vector environments
+
+`Graph` spaces have no fixed shape, so processes cannot share memory for them. Either switch that off, or pad:
+
+```python
+def main():
+    envs = gym.make_vec(
+        "Gavel-SingleTask-v0", num_envs=2, vectorization_mode="async", vector_kwargs={"shared_memory": False}
+    )
+    envs.reset(seed=0)
+    envs.close()
+
+    envs = gym.make_vec("Gavel-SingleTask-v0", num_envs=2, vectorization_mode="async", wrappers=[gavel_env.PaddedGraph])
+    observation, _ = envs.reset(seed=0)
+    assert observation["nodes"].shape[:2] == (2, 512)
+    envs.close()
+
+
+if __name__ == "__main__":
+    main()
+```
+
+## Checked against another planner
+
+`gavel_env.export_pddl(graph)` writes a state, and all that can be done next, as plain STRIPS. The tests step both the
+world model and pyperplan at random through ten houses and compare which actions are allowed, and every successor:
+21,000 steps (`pytest -m slow tests/test_pddl.py`), without disagreement.
+"""
+
+
+def page() -> str:
+    """Return the page."""
+    body = markdown(GavelEnv).split("\n", 2)[2]
+    parts = [BEGINNING, body, "\n\n## Columns of a node\n\n", columns(), "\n\n## Relations of an edge\n\n"]
+    parts += [", ".join(f"{int(e)} `{e.name.lower()}`" for e in EdgeType), ".\n\n## Outcomes\n\n"]
+    parts += ["`ok`, or why an action was refused: ", ", ".join(f"`{kind.value}`" for kind in ViolationKind), ".\n"]
+    parts += ["\n## Wrappers\n"]
+    for wrapper in (TextActions, FlatActions, PaddedGraph):
+        parts += [f"\n### {wrapper.__name__}\n\n", markdown(wrapper), "\n"]
+    return "".join([*parts, END])
+
+
+def markdown(thing: type) -> str:
+    """Return a class docstring as Markdown: its arguments as a list."""
+    lines = inspect.cleandoc(thing.__doc__ or "").split("\n")
+    if "Args:" not in lines:
+        return "\n".join(lines)
+    first = lines.index("Args:")
+    last = next((i for i in range(first + 1, len(lines)) if not lines[i].startswith("    ")), len(lines))
+    listed = []
+    for line in lines[first + 1 : last]:
+        name, colon, text = line.strip().partition(": ")
+        is_argument = colon and not line.startswith("     ") and name.isidentifier()
+        listed.append(f"- `{name}`: {text}" if is_argument else f"  {line.strip()}")
+    return "\n".join([*lines[:first], *listed, *lines[last:]])
+
+
+def columns() -> str:
+    """Return the columns of a node as a table, several to a row."""
+    cells = [f"{index} `{name}`" for index, name in enumerate(NODE_COLUMNS)]
+    cells += [""] * (-len(cells) % 4)
+    rows = ["| | | | |", "|---|---|---|---|"]
+    rows += [f"| {' | '.join(cells[i : i + 4])} |" for i in range(0, len(cells), 4)]
+    return "\n".join(rows)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
