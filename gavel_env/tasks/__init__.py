@@ -1,0 +1,1 @@
+"""Certified instructions: errands by construction, their words, their checks, and a generator of fresh ones."""

@@ -7,7 +7,8 @@ instance that fits its designator.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
+from functools import lru_cache
 from hashlib import blake2b
 from typing import Literal, NamedTuple
 
@@ -16,7 +17,7 @@ import numpy as np
 from gavel_env.tasks.placements import House, Piece, Place, pick
 from gavel_env.tasks.vocabulary import Theme
 
-__all__ = ["Draft", "Reference", "Split", "Stated", "Thing", "pair_split"]
+__all__ = ["Draft", "PlaceTest", "Reference", "Split", "Stated", "Thing", "pair_split"]
 
 Split = Literal["benchmark", "validation", "train"]
 Stated = Literal["no", "support", "room"]
@@ -25,6 +26,7 @@ Stated = Literal["no", "support", "room"]
 _PAIR_SHARES: tuple[tuple[Split, int], ...] = (("benchmark", 46), ("validation", 14), ("train", 40))
 
 
+@lru_cache(maxsize=200_000)
 def pair_split(a: str, b: str) -> Split:
     """Return the split that a pair of categories belongs to, by a hash of their names."""
     digest = blake2b("|".join(sorted((a, b))).encode(), digest_size=4).digest()
@@ -120,7 +122,9 @@ class Draft:
         options = [
             c
             for c in self.house.movables
-            if words[c].theme in wanted and c not in used and all(self.pairs_fit((c, o)) for o in others)
+            if words[c].theme in wanted
+            and c not in used
+            and (self.split is None or all(pair_split(c, o) == self.split for o in others if o != c))
         ]
         return pick(self.rng, options) if options else None
 
@@ -168,22 +172,39 @@ class Draft:
         if not options:
             return None
         if self.rng.random() < self.surprise:
-            anywhere = [p for p, _ in options if p.relation != "floor"]
+            anywhere = [p for p, _ in options if p.relation == "on"]
             if anywhere:
                 return pick(self.rng, anywhere)
         return pick(self.rng, [p for p, _ in options], [w for _, w in options])
 
-    def destination(self, categories: Iterable[str], test: PlaceTest) -> Place | None:
-        """Draw a place where all of the movable categories may well be put, or None."""
+    def destination(self, categories: Iterable[str], test: PlaceTest, but: Collection[str] = ()) -> Place | None:
+        """Draw a place where all of the movable categories may well be put, or None.
+
+        Args:
+            categories: of the movables.
+            test: of the place.
+            but: furniture categories that will not do.
+        """
         house, names = self.house, tuple(categories)
         tables = [house.places(c, as_goal=True) for c in names]
         options: list[tuple[Place, float]] = []
         for index, place in enumerate(tables[0][0]):
             weight = min(table[1][index] for table in tables)
-            if weight > 0 and place.piece is not None and test(place):
+            if weight > 0 and place.piece is not None and place.piece.category not in but and test(place):
                 options.append((place, weight**0.5))
-        options = [(p, w) for p, w in options if p.piece and self.pairs_fit((*names, p.piece.category))]
+        options = [(p, w) for p, w in options if p.piece and all(self.pairs_fit((n, p.piece.category)) for n in names)]
         return pick(self.rng, [p for p, _ in options], [w for _, w in options]) if options else None
+
+    def nearest(self, reference: Reference, things: Iterable[Thing]) -> Reference:
+        """Return the reference with the piece, of those that fit it, to which the things are carried the least."""
+        known = self.references.get(reference.piece.category)
+        if known is not None:
+            return reference._replace(piece=known.piece)
+        house, starts = self.house, [t.start for t in things]
+        options = [
+            p for p in house.pieces if p.category == reference.piece.category and reference.room in (None, p.room_type)
+        ]
+        return reference._replace(piece=min(options, key=lambda p: (sum(house.travel_m(s, p) for s in starts), p.id)))
 
     def thing(self, category: str, start: Place, *, say: float = 0.35, say_room_only: float = 0.12) -> Thing | None:
         """Return the movable at its start, with what the sentence will say of it; None if that cannot be said.

@@ -105,8 +105,16 @@ _VERBS = {
     "it": ("it", "them"),
     "it_s": ("it", "they"),
 }
-_ON = {"dst": ("on", "on", "onto", "on top of"), "at": ("on", "on", "on top of"), "loc": ("on", "on", "on top of")}
-_IN = {"dst": ("in", "in", "into", "inside"), "at": ("in", "in", "inside"), "loc": ("in", "in", "inside")}
+_ON = {
+    "dst": ("on", "on", "on", "onto", "on top of"),
+    "at": ("on", "on", "on", "on top of"),
+    "loc": ("on", "on", "on", "on", "on top of"),
+}
+_IN = {
+    "dst": ("in", "in", "into", "inside"),
+    "at": ("in", "in", "in", "inside"),
+    "loc": ("in", "in", "in", "inside"),
+}
 
 
 class _Speaker:
@@ -148,13 +156,15 @@ class _Speaker:
             return bare
         self.mentioned.add(thing.category)
         if self.rng.random() < 0.5:
-            where = self.room_phrase(thing) if thing.source is None else self.piece(thing.source)
-            return f"{bare} from {where}"
+            return f"{bare} from {self.piece_or_room(thing)}"
         are = "that are" if self.plural(thing) else "that's"
         return f"{bare} {are} {self.location(thing)}"
 
     def room_phrase(self, thing: Thing) -> str:
         return f"the {self.room(thing.start.room_type)}"
+
+    def piece_or_room(self, thing: Thing) -> str:
+        return self.room_phrase(thing) if thing.source is None else self.piece(thing.source)
 
     def plural(self, thing: Thing) -> bool:
         return self.vocabulary.is_plural(thing.category)
@@ -195,6 +205,8 @@ class _Speaker:
             return _VERBS[base][self.plural(errand.things[which])]
         if base in ("dst", "at", "to"):
             return self.target(errand.targets[which], base)
+        if name == "from":
+            return f"from {self.piece_or_room(errand.things[0])}"
         if base in ("loc", "src"):
             return self.location(errand.things[which]) if base == "loc" else self.source(errand.things[which])
         if name in ("x", "y", "z", "x0", "y0", "z0"):
@@ -262,6 +274,8 @@ def templates_for(errand: Errand, split: Split, templates: Templates, vocabulary
     `to the bookcase` means inside, `to the bed` on top: templates with `to` are left out where that is not meant.
     """
     found = [t for group in _groups(errand) for t in templates.clauses[group][split]]
+    if errand.things and errand.things[0].stated != "no":
+        found = [t for t in found if "{x} {app}" not in t]  # "the steak from the fridge in the oven" misleads
     reads_well = [
         t.relation == ("in" if "in" in vocabulary.furniture[t.reference.piece.category].uses else "on")
         for t in errand.targets
@@ -345,6 +359,8 @@ def compose(
         separator, last = pick(rng, joins.separators)
         clauses = [w.clause for w in worded]
         text = separator.join(clauses[:-1]) + last + clauses[-1]
+        if opener.endswith("! "):
+            text = capitalise(text)
         if not opener and rng.random() < 0.3:
             text = pick(rng, templates.wrappers["shared"]).replace("{c}", text)
         return capitalise(opener + text) + ".", worded
@@ -358,5 +374,5 @@ def compose(
         links.append(link := pick(rng, fresh))
         sentences.append(link.replace("{c}", item.clause).replace("{C}", capitalise(item.clause)))
     if opener.endswith(": "):
-        opener = opener[:-2] + ". " if len(sentences) > 1 else opener
+        opener = opener[:-2] + ". "
     return opener + " ".join(sentences), worded

@@ -7,7 +7,7 @@ contents, which the relational semantic network is trained on: a likely room is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Literal, NamedTuple, TypeVar
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from envs_data.evidence import load_evidence
 from gavel_env.errors import SceneError
+from gavel_env.geometry import FloorMap, floor_map
 from gavel_env.graph import SceneGraph
 from gavel_env.grounding import scene_graph
 from gavel_env.ontology import Ontology, default_ontology
@@ -26,7 +27,7 @@ __all__ = ["House", "Piece", "Place", "load_house", "pick"]
 
 T = TypeVar("T")
 
-# Shares of a category's own evidence, of its theme's, and of every open support alike.
+# Shares of a category's own evidence, of its theme's, and of every surface alike.
 OWN, THEME, ANYWHERE = 0.74, 0.23, 0.03
 # A count for furniture in one type of room counts this much for the same furniture elsewhere.
 OTHER_ROOM = 0.15
@@ -101,7 +102,7 @@ class House:
         scene: its file.
         graph: its graph as it stands.
         pieces: nameable furniture, in the scene's order.
-        start_room: room where the robot starts, if known (it breaks ties between destinations).
+        floor: map to drive on; None = distances are not asked for.
     """
 
     def __init__(
@@ -109,7 +110,7 @@ class House:
         scene: Scene,
         ontology: Ontology | None = None,
         vocabulary: Vocabulary | None = None,
-        usable: Callable[[str], bool] = lambda piece: True,
+        floor: FloorMap | None = None,
     ) -> None:
         """Build the view.
 
@@ -117,7 +118,7 @@ class House:
             scene: the scene.
             ontology: affordances; default the shipped ones.
             vocabulary: nouns; default the shipped ones.
-            usable: says of a piece's id whether the robot can reach it.
+            floor: map to drive on; pieces that the robot cannot reach are then left out.
 
         Raises:
             SceneError: the scene has no furniture that the vocabulary names.
@@ -130,13 +131,17 @@ class House:
         self.pieces = tuple(
             Piece(f.id, f.category, f.room, types[f.room])
             for f in scene.furniture
-            if f.category in self.vocabulary.furniture and usable(f.id)
+            if f.category in self.vocabulary.furniture and (floor is None or floor.stances(f.id).size)
         )
+        self.floor = floor
         if not self.pieces:
             raise SceneError(f"scene {scene.scene!r} has no furniture that the vocabulary names")
         self.rooms = tuple((room.id, room.type) for room in scene.rooms)
         own = {self.graph.category(obj).name for obj in self.graph.world.nodes}
         self.movables = tuple(c for c in sorted(self.vocabulary.movables) if c not in own)
+        self._room_types = dict(self.rooms)
+        self._rooms_with: dict[str, tuple[str, ...]] = {}
+        self._travel: dict[str, dict[str, float]] = {}
         self._supports = self._list_supports()
         self._cache: dict[tuple[str, bool], tuple[tuple[Place, ...], tuple[float, ...]]] = {}
 
@@ -148,26 +153,37 @@ class House:
                 places.append(Place("on", piece.room, piece.room_type, piece))
             if "in" in words.uses and category.interior:
                 places.append(Place("in", piece.room, piece.room_type, piece))
-        floors = [Place("floor", room, kind) for room, kind in self.rooms]
+        enterable = [r for r, _ in self.rooms if self.floor is None or self.floor.room_points[r] is not None]
+        floors = [Place("floor", room, kind) for room, kind in self.rooms if room in enterable]
         return (*places, *floors)
 
     def shuts(self, place: Place) -> bool:
         """Return whether a thing there is behind a door."""
         return place.relation == "in" and place.piece is not None and self.ontology[place.piece.category].has_door
 
-    def count(self, category: str, room_type: str | None = None) -> int:
-        """Return how many pieces of a category there are (in rooms of a type)."""
-        return len(self.rooms_with(category, room_type))
+    def travel_m(self, start: Place, piece: Piece) -> float:
+        """Return the metres from a place to the nearest stance of a piece; 0 for all if the house has no map."""
+        if self.floor is None:
+            return 0.0
+        if start.target not in self._travel:
+            self._travel[start.target] = self._travel_from(self.floor, start)
+        return self._travel[start.target][piece.id]
 
-    def rooms_with(self, category: str, room_type: str | None = None) -> list[str]:
+    def _travel_from(self, floor: FloorMap, start: Place) -> dict[str, float]:
+        piece = start.piece
+        source = floor.room_points[start.room] if piece is None else int(floor.stances(piece.id)[0])
+        if source is None:
+            return {p.id: 0.0 for p in self.pieces}
+        field = floor.distance_field(source).ravel()
+        return {p.id: float(field[floor.stances(p.id)].min()) for p in self.pieces}
+
+    def rooms_with(self, category: str, room_type: str | None = None) -> tuple[str, ...]:
         """Return the room of each piece of a category (in rooms of a type), one entry per piece, of the whole scene."""
-        types = dict(self.rooms)
-        found: list[str] = []
-        for obj in self.graph.world.by_category.get(category, ()):
-            room = self.graph.room_of(obj)
-            if room is not None and (room_type is None or types[room] == room_type):
-                found.append(room)
-        return found
+        if category not in self._rooms_with:
+            found = map(self.graph.room_of, self.graph.world.by_category.get(category, ()))
+            self._rooms_with[category] = tuple(room for room in found if room is not None)
+        rooms = self._rooms_with[category]
+        return rooms if room_type is None else tuple(r for r in rooms if self._room_types[r] == room_type)
 
     def pieces_for(self, use: str) -> list[Piece]:
         """Return the pieces that serve a use."""
@@ -190,14 +206,15 @@ class House:
         places = tuple(p for p in self._supports if not (as_goal and p.relation == "floor"))
         own = self._fit(places, by_category.get(category, {}))
         theme = self._fit(places, by_theme.get(self.vocabulary.movables[category].theme, {}))
-        weights = (OWN * own + THEME * theme) * np.array([self._suits(p, category) for p in places], dtype=float)
+        weights = (OWN * own + THEME * theme) * np.array([self.suits(p, category) for p in places], dtype=float)
         if as_goal:
             return places, tuple(float(w) for w in weights)
-        open_places = np.array([p.relation != "floor" and not self.shuts(p) for p in places], dtype=float)
+        open_places = np.array([p.relation == "on" for p in places], dtype=float)
         weights = weights + ANYWHERE * open_places / max(1.0, float(open_places.sum()))
         return places, tuple(float(w) for w in weights)
 
-    def _suits(self, place: Place, category: str) -> bool:
+    def suits(self, place: Place, category: str) -> bool:
+        """Return whether a movable is plausibly put at a place."""
         theme = self.vocabulary.movables[category].theme
         if place.piece is None:
             return theme not in EATEN
@@ -206,7 +223,7 @@ class House:
 
     @staticmethod
     def _fit(places: tuple[Place, ...], counts: Mapping[Key, float]) -> NDArray[np.float64]:
-        """Spread counts over the fitting places, each count evenly; scale to 1. (Square roots flatten the extremes.)"""
+        """Spread counts over the fitting places, each count evenly, flattened by a square root; scale to 1."""
         weights = np.zeros(len(places))
         groups: dict[Key, list[int]] = {}
         for index, place in enumerate(places):
@@ -230,4 +247,5 @@ def load_house(scene: str) -> House:
     Raises:
         UnknownScene, SceneError: as `scenes.load_scene`.
     """
-    return House(load_scene(scene))
+    found = load_scene(scene)
+    return House(found, floor=floor_map(found))

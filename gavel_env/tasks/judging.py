@@ -1,0 +1,44 @@
+"""How a plan ends on a graph: the one judgement that certificates and broken variants share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from gavel_env.actions import Action
+from gavel_env.dynamics import Profile, rollout, unsafe
+from gavel_env.goals import Goal, unmet
+from gavel_env.graph import Flag, SceneGraph
+
+__all__ = ["Ending", "judge"]
+
+
+class Ending(NamedTuple):
+    """How a plan ends.
+
+    Attributes:
+        kind: `valid`; the kind of the first violation; `goal_unmet`; or `left_open`, `left_on`.
+        step: index of the violating step, or None.
+        subject: what it is about, in text form.
+        graph: the last graph.
+    """
+
+    kind: str
+    step: int | None
+    subject: str
+    graph: SceneGraph
+
+
+def judge(graph: SceneGraph, plan: Sequence[Action], goal: Goal, profile: Profile = Profile.PAPER) -> Ending:
+    """Return how a plan ends: its first violation, else what is unmet, else what is left open or on, else valid."""
+    end, violation = rollout(graph, plan, profile)
+    if violation is not None:
+        return Ending(violation.kind.value, violation.step, violation.subject, end)
+    missing = unmet(goal, end)
+    if missing:
+        return Ending("goal_unmet", None, str(missing[0]), end)
+    left = unsafe(graph, end, goal)
+    if left:
+        flag, obj = left[0]
+        return Ending("left_open" if flag is Flag.OPEN else "left_on", None, obj, end)
+    return Ending("valid", None, "", end)
