@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gavel_env.episode import Episode
 from gavel_env.render import EpisodeView, Marker, RobotPose, ScenePicture, SeenFloor, draw_episode_frame
+from gavel_env.scenes import Scene
 
 __all__ = ["EpisodeCamera"]
 
 _PIXELS_PER_M = 40.0
 
 
+@lru_cache(maxsize=4)
+def _picture(scene: Scene) -> ScenePicture:
+    return ScenePicture(scene, pixels_per_m=_PIXELS_PER_M, caption_lines=2)
+
+
 class EpisodeCamera:
-    """Draws one episode; the picture of the house is drawn once."""
+    """Draws one episode; the picture of the house is drawn once for all episodes in it."""
 
     def __init__(self, episode: Episode) -> None:
-        self._picture = ScenePicture(episode.scene, pixels_per_m=_PIXELS_PER_M, caption_lines=2)
+        self._picture = _picture(episode.scene)
         self._layout = episode.layout
         self._trail: list[tuple[float, float]] = [self._layout.point(episode.observed.cell)]
 

@@ -9,9 +9,10 @@ import numpy as np
 from gymnasium import spaces
 
 from gavel_env.actions import Primitive
+from gavel_env.encoder import GraphEncoder
 from gavel_env.errors import GavelError, nearest_names
 from gavel_env.goals import Designator
-from gavel_env.observation import MAX_ROOMS, GraphEncoder
+from gavel_env.observation import MAX_ROOMS
 from gavel_env.observed import EnvAction
 from gavel_env.ontology import Ontology
 

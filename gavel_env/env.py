@@ -11,16 +11,11 @@ import msgspec
 from gavel_env.codec import ActionCodec
 from gavel_env.config import DEFAULT_ROBOT, RobotConfig
 from gavel_env.dynamics import Profile
+from gavel_env.encoder import GraphEncoder
 from gavel_env.episode import Episode, Judgement, Privileged
 from gavel_env.errors import GavelError, InstructionError, UnknownInstruction
 from gavel_env.instructions import Instruction, parse_instruction
-from gavel_env.observation import (
-    INSTRUCTION_CHARACTERS,
-    MAX_INSTRUCTION,
-    GraphEncoder,
-    observation_space,
-    small_observation,
-)
+from gavel_env.observation import INSTRUCTION_CHARACTERS, MAX_INSTRUCTION, observation_space
 from gavel_env.observed import EnvAction, Observed
 from gavel_env.ontology import default_ontology
 from gavel_env.rewards import RewardWeights
@@ -197,17 +192,19 @@ class GavelEnv(gym.Env[Observation, Any]):
             BadEnvironmentOption: an unknown option.
         """
         super().reset(seed=seed)
+        self._episode = None
         instruction = self._choose(options or {})
         _check_text(instruction)
-        self._episode = Episode(
+        episode = Episode(
             instruction, profile=self.profile, robot=self.robot, ontology=self._ontology, rng=self.np_random
         )
-        self._encoder = GraphEncoder(self._episode.layout, self._ontology, self.max_nodes)
-        self._encoder.check_size(len(self._episode.executor.hidden.world.nodes))
+        self._encoder = GraphEncoder(episode.layout, self._ontology, self.max_nodes)
+        self._encoder.check_size(len(episode.executor.hidden.world.nodes))
+        self._episode = episode
         self._over = False
         self._steps = 0
         if self.render_mode == "rgb_array":
-            self._camera = self._new_camera(self._episode)
+            self._camera = self._new_camera(episode)
         info = self._info("", None, "", 0.0, (), ())
         if self.terminate_on_success:
             info["success"] = False
@@ -321,7 +318,7 @@ class GavelEnv(gym.Env[Observation, Any]):
         episode = self._started()
         observed = episode.observed
         x, y = episode.layout.point(observed.cell)
-        values = small_observation(observed, self._encoder, (x, y))
+        values = self._encoder.small(observed, (x, y))
         if self._with_graph:
             values["graph"] = self._encoder.encode(observed, (x, y))
         return values

@@ -441,6 +441,8 @@ def test_an_environment_goes_on_after_a_bad_record() -> None:
     env = make()
     with pytest.raises(InstructionError):
         env.reset(options={"instruction": RECORD | {"tasks": []}})
+    with pytest.raises(BadEnvironmentOption, match="call reset"):
+        env.unwrapped.step(EnvAction(Primitive.RELEASE))
     assert env.reset(seed=1)[1]["instruction_id"] in INSTRUCTIONS
 
 
