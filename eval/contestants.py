@@ -8,7 +8,7 @@ import gavel_agents
 from eval.episodes import EnvironmentSettings
 from eval.records import Contestant
 from eval.runner import contestant
-from gavel_agents.llm import BadPlannerSpec, load_model
+from gavel_agents.llm import BadPlannerSpec
 from gavel_agents.methods import METHODS
 from gavel_env.errors import UnknownAgent
 
@@ -42,10 +42,8 @@ def choose(
 
     Raises:
         UnknownAgent: with the nearest names.
-        BadPlannerSpec: a planner cannot be loaded, or an agent needs one and there is none.
+        BadPlannerSpec: an agent needs a planner and there is none.
     """
-    for planner in planners:
-        load_model(planner)
     known = gavel_agents.agent_names()
     chosen: list[Contestant] = []
     for name in agents:

@@ -16,6 +16,7 @@ _TITLES = {"single": "Single tasks", "multi": "Multi-task instructions", "behavi
 _MARKS = {
     "privileged": ("†", "sees the hidden state"),
     "scripted": ("§", "planner answers from a file of scripted completions; no language model ran"),
+    "reference": ("¶", "planner answers with the certified reference plans; no language model"),
     "simulated": ("‡", "simulated planner: a published error profile, no language model"),
 }
 

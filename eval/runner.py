@@ -7,7 +7,8 @@ has a record is not run again; so a killed run, resumed, ends in the same table 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
 
@@ -200,16 +201,30 @@ def run(
     with RecordWriter(path) as writer:
         done = read_records([path]).records if path.stat().st_size else {}
         episodes = plan.episodes(header.code)
-        left = [episode for episode in episodes if episode.key not in done or done[episode.key].outcome in retry]
-        writer.write(header)
+        left = [e for e in episodes if e.key not in done or done[e.key].outcome in retry]
         if started is not None:
             started(len(episodes), len(episodes) - len(left))
-        if left:
-            for record in run_episodes(left, plan.settings, plugins=plan.plugins, workers=workers, timeout_s=timeout_s):
-                writer.write(record)
-                if report is not None:
-                    report(record)
+        try:
+            _write(writer, header, run_episodes(left, plan.settings, plan.plugins, workers, timeout_s), report)
+        finally:
+            if not path.stat().st_size:
+                path.unlink()
     return path
+
+
+def _write(
+    writer: RecordWriter,
+    header: RunHeader,
+    records: Iterator[EpisodeRecord],
+    report: Callable[[EpisodeRecord], None] | None,
+) -> None:
+    """Write the header and the records; nothing if the first record cannot be made because of wrong use."""
+    first = next(records, None)
+    writer.write(header)
+    for record in () if first is None else chain((first,), records):
+        writer.write(record)
+        if report is not None:
+            report(record)
 
 
 def _free_name(path: Path) -> Path:

@@ -32,7 +32,6 @@ class WorkerFailed(GavelError):
 def run_episodes(
     episodes: Sequence[Episode],
     settings: EnvironmentSettings,
-    *,
     plugins: Sequence[str] = (),
     workers: int = 1,
     timeout_s: float | None = None,
@@ -49,6 +48,8 @@ def run_episodes(
     Raises:
         GavelError: a contestant cannot be built, or workers cannot start.
     """
+    if not episodes:
+        return
     if workers <= 1 and timeout_s is None:
         rig = Rig(settings, plugins)
         rig.check(episodes)
