@@ -117,6 +117,23 @@ def blocking_overlaps(scene: Scene) -> list[Problem]:
     return found
 
 
+def _collisions(scene: Scene) -> list[Problem]:
+    """Return pieces on others (countertops, lamps) that run into something beside what they stand on."""
+    found = []
+    pieces = [f for f in scene.furniture if f.mount == "floor"]
+    shapes = [footprint(f).buffer(-0.002) for f in pieces]
+    tree = shapely.STRtree(shapes)
+    for i, piece in enumerate(pieces):
+        if piece.on is None:
+            continue
+        for j in sorted(tree.query(shapes[i], predicate="intersects").tolist()):
+            other = pieces[j]
+            low, high = max(piece.z, other.z), min(piece.z + piece.size_m[2], other.z + other.size_m[2])
+            if j != i and (other.on is None or j < i) and high - low > 0.02 and not _is_seat(other):
+                found.append(Problem("collision", piece.id, other.id))
+    return found
+
+
 def _is_seat(piece: Furniture) -> bool:
     return any(word in piece.category for word in SEATS)
 
@@ -124,7 +141,7 @@ def _is_seat(piece: Furniture) -> bool:
 def check_layout(scene: Scene) -> list[Problem]:
     """Return everything that is wrong with a layout; empty if nothing is."""
     polygons = {name: p.buffer(TOLERANCE_M, join_style="mitre") for name, p in _polygons(scene).items()}
-    found = blocking_overlaps(scene)
+    found = blocking_overlaps(scene) + _collisions(scene)
     for piece in scene.furniture:
         if not polygons[piece.room].covers(footprint(piece)):
             outside = footprint(piece).difference(polygons[piece.room]).area

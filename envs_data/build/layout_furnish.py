@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from envs_data.build.layout_mounts import slab_over_bases
 from envs_data.build.layout_pieces import Piece, rules
 from envs_data.build.layout_place import (
     place_aisle,
@@ -12,6 +11,7 @@ from envs_data.build.layout_place import (
     place_before,
     place_chair,
     place_corner,
+    place_counter,
     place_free,
     place_lounge,
     place_run,
@@ -22,10 +22,11 @@ from envs_data.build.layout_place import (
 )
 from envs_data.build.layout_poses import RoomLayout
 from envs_data.build.layout_space import RoomSpace
+from envs_data.build.layout_tops import slab_over_bases
 
 __all__ = ["furnish"]
 
-ATTEMPTS = 12
+ATTEMPTS = 16
 COUNTER_M = 0.9
 
 
@@ -33,7 +34,7 @@ def place_slab(layout: RoomLayout, piece: Piece) -> bool:
     """A countertop: over base units where it can, else on its own at the wall."""
     if slab_over_bases(layout, piece):
         return True
-    if not place_run(layout, piece):
+    if not place_counter(layout, piece):
         return False
     lift = max(0.0, COUNTER_M - piece.size_m[2])
     layout.placed[-1] = layout.placed[-1]._replace(z=round(lift, 3))
@@ -75,13 +76,15 @@ def furnish(space: Callable[[bool], RoomSpace], pieces: Sequence[Piece], tight: 
     best: RoomLayout | None = None
     first: list[tuple[str, str]] = []
     for narrow in (False, True) if tight else (False,):
+        if best is not None and not best.left:
+            return best
         for attempt in range(ATTEMPTS):
             order = orders[attempt // 2 % len(orders)]
             early = first if attempt >= 2 * len(orders) else []
             layout = _attempt(space(narrow), pieces, order, attempt % 2 == 1, early)
             if best is None or _loss(layout) < _loss(best):
                 best = layout
-            if not best.left or len(pieces) > 100:
+            if (not best.left and not best.astray) or len(pieces) > 100:
                 return best
             first = sorted({p.key for p in layout.left}) + [k for k in first if k not in {p.key for p in layout.left}]
     assert best is not None
@@ -89,7 +92,8 @@ def furnish(space: Callable[[bool], RoomSpace], pieces: Sequence[Piece], tight: 
 
 
 def _loss(layout: RoomLayout) -> tuple[int, float]:
-    return len(layout.left), round(sum(p.area_m2 for p in layout.left), 4)
+    """Return how bad a layout is: a piece left out counts as four away from their wall; then the area left out."""
+    return 4 * len(layout.left) + layout.astray, round(sum(p.area_m2 for p in layout.left), 4)
 
 
 def _attempt(

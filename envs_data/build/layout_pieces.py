@@ -36,8 +36,9 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         roles: role -> categories.
         wall: wall-mounted category -> height of its lower side, metres.
         near: category -> categories that it is put near.
+        bases: categories that a countertop is laid over.
         keeps_nothing: categories that no movable is put on or in, though one could be.
-        stands_on: category -> categories that it stands on, best first.
+        stands_on: category -> categories that it stands on, best first; `floor` for what looks at the sofa.
         spin: categories that may turn a side to the wall.
         hubs: room types that one walks through, first the one that others hang on (generated outlines).
         hangs_on: room type -> room types that its door leads to, best first (generated outlines).
@@ -52,6 +53,7 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     roles: dict[str, tuple[str, ...]]
     wall: dict[str, float]
     near: dict[str, tuple[str, ...]]
+    bases: tuple[str, ...]
     keeps_nothing: tuple[str, ...]
     stands_on: dict[str, tuple[str, ...]]
     spin: tuple[str, ...]

@@ -14,6 +14,7 @@ from envs_data.build.layout_poses import (
     Poses,
     RoomLayout,
     door_distance,
+    facing_cost,
     floor_poses,
     front_of,
     gap_score,
@@ -31,6 +32,8 @@ __all__ = [
     "place_before",
     "place_chair",
     "place_corner",
+    "place_counter",
+    "place_facing",
     "place_free",
     "place_lounge",
     "place_run",
@@ -77,6 +80,21 @@ def place_run(layout: RoomLayout, piece: Piece) -> bool:
     gap = gap_score(layout, poses)
     score = gap + (near_score(layout, poses, row) if row else 0.0)
     return _try(layout, piece, poses, score, "front") or _fallback(layout, piece)
+
+
+def place_counter(layout: RoomLayout, piece: Piece) -> bool:
+    """A free-standing counter: along a wall, else an island, next to the other counters; nobody's front is closed."""
+    others = layout.indices("slab", "run", "sink")
+    walls = wall_poses(layout, piece, 0.75)
+    score = gap_score(layout, walls) + (near_score(layout, walls, others) if others else 0.0)
+    if layout.put(piece, walls, score, "front"):
+        return True
+    islands = floor_poses(layout, piece)
+    counters = layout.indices("slab")
+    score = open_score(layout, islands)
+    if counters:
+        score = score + 2.0 * np.minimum(near_score(layout, islands, counters), 1.0)
+    return layout.put(piece, islands, score, "any") or place_run(layout, piece)
 
 
 def place_bed(layout: RoomLayout, piece: Piece) -> bool:
@@ -180,7 +198,7 @@ def chair_poses(layout: RoomLayout, piece: Piece, table: int) -> tuple[Poses, Fl
     depth, width, _ = piece.size_m
     host = layout.placed[table]
     parts, scores = [], []
-    for tuck in (0.3, 0.0, -0.12, CHAIR_TUCK):
+    for tuck in (0.3, 0.0, -0.12, CHAIR_TUCK) if piece.role == "chair" else (-0.12,):
         off = depth / 2 - tuck * depth
         for yaw in (0, 90, 180, 270):
             along_x = yaw in (90, 270)
@@ -245,6 +263,13 @@ def place_corner(layout: RoomLayout, piece: Piece) -> bool:
     score = gap_score(layout, poses) - 0.1 * np.minimum(door_distance(layout, poses), 2.0)
     score = score - 0.4 * np.minimum(near_score(layout, poses, layout.of_category([piece.category])), 2.0)
     return layout.put(piece, poses, score, "any") or _fallback(layout, piece)
+
+
+def place_facing(layout: RoomLayout, piece: Piece) -> bool:
+    """At the wall that the sofa looks at."""
+    poses = wall_poses(layout, piece, 0.6)
+    score = facing_cost(layout, poses.x, poses.y, poses.yaw) + 0.2 * gap_score(layout, poses)
+    return layout.put(piece, poses, score, "front", soft=False) or place_corner(layout, piece)
 
 
 def place_free(layout: RoomLayout, piece: Piece) -> bool:

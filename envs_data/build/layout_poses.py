@@ -16,6 +16,7 @@ __all__ = [
     "Poses",
     "RoomLayout",
     "door_distance",
+    "facing_cost",
     "floor_poses",
     "front_of",
     "gap_score",
@@ -34,6 +35,8 @@ TRIES = 60
 LARGE_CELLS = 60_000
 TABLE_APRON_M = 0.7
 ACCESS_M = 0.9
+FRONT_ACCESS_M = 0.65
+WALL_ROLES = ("bath", "bed", "run", "sink", "wall_piece")
 
 
 class Placed(NamedTuple):
@@ -58,7 +61,7 @@ class Poses(NamedTuple):
 
 
 class RoomLayout:
-    """The pieces put into one room so far."""
+    """The pieces put into one room so far; `astray` counts those that belong at a wall and stand free."""
 
     def __init__(self, space: RoomSpace) -> None:
         self.space = space
@@ -66,6 +69,7 @@ class RoomLayout:
         self.placed: list[Placed] = []
         self.rects: list[Rect] = []
         self.left: list[Piece] = []
+        self.astray = 0
         self.chairs_at: dict[int, int] = {}
 
     def indices(self, *roles: str) -> list[int]:
@@ -106,13 +110,14 @@ class RoomLayout:
             yaw = int(poses.yaw[i])
             front = grown(rect, TABLE_APRON_M) if piece.role == "table" else front_of(rect, yaw, 0.55)
             reach = (
-                front_of(rect, yaw, ACCESS_M, side_m=0.15)
+                front_of(rect, yaw, FRONT_ACCESS_M, side_m=0.15)
                 if access == "front"
                 else grown(rect, ACCESS_M + 0.2 * self.space.tight)
             )
             if self.space.add(rect, reach, front if access == "front" or piece.role == "table" else None):
                 self.placed.append(Placed(piece, round(float(poses.x[i]), 3), round(float(poses.y[i]), 3), yaw))
                 self.rects.append(rect)
+                self.astray += piece.role in WALL_ROLES and float(poses.back[i]) < 0.6
                 return True
         return False
 
@@ -253,3 +258,20 @@ def door_distance(layout: RoomLayout, poses: Poses) -> Floats:
     parts = getattr(keepout, "geoms", [keepout])
     found = [np.hypot(poses.x - p.centroid.x, poses.y - p.centroid.y) for p in parts]
     return np.asarray(np.min(found, axis=0))
+
+
+def facing_cost(layout: RoomLayout, x: Floats, y: Floats, yaw: NDArray[np.int64]) -> Floats:
+    """Return how badly each pose faces the nearest sofa (or bed) that looks at it; 0 in a room without one."""
+    seats = layout.indices("sofa") or layout.indices("bed")
+    if not seats:
+        return np.zeros(len(x))
+    best = np.full(len(x), np.inf)
+    for i in seats:
+        seat = layout.placed[i]
+        radians = np.deg2rad(seat.yaw)
+        ahead = (x - seat.x) * np.cos(radians) + (y - seat.y) * np.sin(radians)
+        aside = np.abs(-(x - seat.x) * np.sin(radians) + (y - seat.y) * np.cos(radians))
+        turned = 1.0 + np.cos(np.deg2rad(np.asarray(yaw) - seat.yaw))
+        cost = aside + 2.0 * turned + np.maximum(0.0, 1.8 - ahead) + 0.5 * np.maximum(0.0, ahead - 4.0)
+        best = np.minimum(best, cost)
+    return best

@@ -52,9 +52,11 @@ def build_scene(name: str) -> Scene:
     if name in measured_scenes():
         return _build(name, contents, measured_outline(name))
     grown: dict[str, float] = {}
+    twin = name.replace("_garden", "_int")
     for _ in range(ENLARGE):
         scene = _build(name, contents, generated_outline(name, contents, grown))
-        full = {n.room for n in scene.not_placed if n.reason == NO_PLACE}
+        fixed = {r.id for r in measured_outline(twin).rooms} if twin in measured_scenes() else set()
+        full = {n.room for n in scene.not_placed if n.reason == NO_PLACE} - fixed
         if not full:
             break
         for room in sorted(full):
