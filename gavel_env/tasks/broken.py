@@ -8,15 +8,17 @@ transition model says; shipped variants (`envs_data/instructions/broken/`) pin t
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import msgspec
 
 from gavel_env.actions import Action, Primitive, parse_action
+from gavel_env.errors import InstructionError
 from gavel_env.goals import Goal
 from gavel_env.graph import SceneGraph
 from gavel_env.tasks.judging import judge
 
-__all__ = ["LEAST", "Broken", "broken_variants", "defects"]
+__all__ = ["LEAST", "Broken", "broken_path", "broken_variants", "defects", "read_broken"]
 
 LEAST = 6
 """Every task has at least this many broken variants."""
@@ -44,6 +46,36 @@ class Broken(msgspec.Struct, frozen=True, array_like=True):
     def plan(self, reference: Sequence[Action]) -> tuple[Action, ...]:
         """Return the broken plan."""
         return (*reference[: self.start], *map(parse_action, self.steps), *reference[self.stop :])
+
+
+class _Line(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    id: str
+    tasks: tuple[tuple[Broken, ...], ...]
+
+
+def broken_path(instructions: Path) -> Path:
+    """Return where the broken variants of an instruction file lie: `broken/` beside it, same name."""
+    return instructions.parent / "broken" / instructions.name
+
+
+def read_broken(path: Path) -> dict[str, tuple[tuple[Broken, ...], ...]]:
+    """Return the broken variants of a file: per instruction id, per task.
+
+    Raises:
+        InstructionError: unreadable file or malformed line, with its number.
+    """
+    try:
+        lines = path.read_bytes().splitlines()
+    except OSError as error:
+        raise InstructionError(f"file of broken variants {path} cannot be read: {error.strerror}") from error
+    found: dict[str, tuple[tuple[Broken, ...], ...]] = {}
+    for number, line in enumerate(lines, start=1):
+        try:
+            record = msgspec.json.decode(line, type=_Line)
+        except msgspec.DecodeError as error:
+            raise InstructionError(f"{path}:{number}: malformed broken variants: {error}") from error
+        found[record.id] = record.tasks
+    return found
 
 
 _DROPS = {

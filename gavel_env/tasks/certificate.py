@@ -11,23 +11,22 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import msgspec
-import numpy as np
 
 from gavel_env.actions import Action
 from gavel_env.dynamics import rollout, unsafe
 from gavel_env.errors import GavelError
-from gavel_env.executor import Executor
 from gavel_env.goals import Designator, Goal, Literal, Predicate, fitting, parse_literal, unmet
 from gavel_env.graph import Relation, SceneGraph
 from gavel_env.grounding import instruction_graph
 from gavel_env.instructions import Instruction
 from gavel_env.scenes import load_scene
 from gavel_env.tasks.broken import LEAST, Broken
+from gavel_env.tasks.driving import drive
 from gavel_env.tasks.judging import judge
 from gavel_env.tasks.reading import article_errors, sentence_faults, unknown_words
 from gavel_env.tasks.vocabulary import default_vocabulary
 
-__all__ = ["CHECKS", "Problem", "certify", "certify_set", "check_broken", "drive"]
+__all__ = ["CHECKS", "Problem", "certify", "certify_set", "check_broken"]
 
 CHECKS: Mapping[str, str] = {
     "placement": "every placement fits the scene",
@@ -75,7 +74,7 @@ def certify(instruction: Instruction, *, executor: bool = True) -> tuple[Problem
         return (Problem(instruction.id, check, str(error)),)
     found = [*_symbolic(graph, instruction)]
     if executor and not found:
-        found += _name(instruction, "executor", drive(graph, instruction))
+        found += _name(instruction, "executor", drive(graph, instruction).faults)
     found += _name(instruction, "independence", _independence(instruction))
     targets = instruction.meta.get("targets")
     if isinstance(targets, list):
@@ -129,29 +128,6 @@ def _failing_orders(
             yield (*done, index), str(violation)
         else:
             yield from _failing_orders(start, after, plans, goal, (*done, index), rest)
-
-
-def drive(graph: SceneGraph, instruction: Instruction, seed: int = 0) -> list[str]:
-    """Drive the reference plan in the executor; return what went wrong, or nothing.
-
-    The plan's ids are known to the reference alone: every drive searches for exactly that instance, its room first.
-    """
-    scene = load_scene(instruction.scene)
-    executor = Executor(scene, graph, rng=np.random.default_rng(seed))
-    start = executor.hidden
-    for step, action in enumerate(instruction.reference_plan()):
-        target = action.target
-        if action.primitive.name == "NAVIGATE_TO" and target is not None and target not in executor.graph.world.nodes:
-            room = executor.hidden.room_of(target)
-            prior = {} if room is None else {room: 1.0}
-            outcome = executor.step(action, prior, lambda obj, wanted=target: obj == wanted)  # type: ignore[misc]
-        else:
-            outcome = executor.step(action)
-        if outcome.violation is not None:
-            return [f"step {step} {action}: {outcome.violation}"]
-    goal, end = instruction.goal(), executor.hidden
-    details = [f"unmet {literal}" for literal in unmet(goal, end)]
-    return details + [f"left {flag.name.lower()}: {obj}" for flag, obj in unsafe(start, end, goal)]
 
 
 # --- referents ------------------------------------------------------------------------------------------------------

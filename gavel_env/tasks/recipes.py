@@ -13,6 +13,7 @@ import numpy as np
 
 from gavel_env.errors import InstructionError
 from gavel_env.instructions import Instruction
+from gavel_env.scenes import scene_names
 from gavel_env.tasks.assembly import assemble, initial_graph, rooms_visited
 from gavel_env.tasks.certificate import certify
 from gavel_env.tasks.drafts import Draft
@@ -22,7 +23,7 @@ from gavel_env.tasks.placements import House, load_house
 from gavel_env.tasks.shapes import SHAPES, draw_errand
 from gavel_env.tasks.statistics import furniture_references
 
-__all__ = ["HOUSES", "multi_benchmark", "single_benchmark"]
+__all__ = ["HOUSES", "house_names", "multi_benchmark", "single_benchmark"]
 
 HOUSES = (
     "Beechwood_0_int",
@@ -37,6 +38,21 @@ HOUSES = (
     "Pomaria_0_int",
 )
 """The ten benchmark houses."""
+
+
+def house_names(wanted: Sequence[str]) -> tuple[str, ...]:
+    """Return scene names, with `benchmark`, `held-out` and `all` replaced by the scenes they stand for.
+
+    Held out are the scenes that are neither a benchmark house nor its garden twin.
+    """
+    twins = {name.removesuffix("_int") for name in HOUSES}
+    sets = {
+        "benchmark": HOUSES,
+        "held-out": tuple(n for n in scene_names() if n.removesuffix("_int").removesuffix("_garden") not in twins),
+        "all": scene_names(),
+    }
+    return tuple(dict.fromkeys(name for word in wanted for name in sets.get(word, (word,))))
+
 
 _ATTEMPTS = 400
 _CONFERRING = {shape: share for shape, share in SHORT_SHAPES.items() if SHAPES[shape].confers}
