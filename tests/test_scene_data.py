@@ -156,6 +156,13 @@ def test_checks_see_a_piece_on_another() -> None:
     assert any(bed.id in (p.subject, p.detail.split()[0]) for p in blocking_overlaps(moved))
 
 
+def test_checks_see_a_lamp_inside_a_cupboard() -> None:
+    scene = load_scene("Rs_int")
+    tall = max((f for f in scene.furniture if f.category == "bookcase"), key=lambda f: f.size_m[2])
+    problems = check_layout(_moved(scene, "table_lamp_0", tall.x, tall.y))
+    assert ("collision", "table_lamp_0", tall.id) in problems
+
+
 def test_checks_see_a_piece_in_a_doorway_and_a_room_cut_off() -> None:
     scene = load_scene("Rs_int")
     door = next(o for o in scene.openings if o.rooms == ("bathroom_0", "bedroom_0"))
@@ -168,7 +175,9 @@ def test_checks_see_a_piece_in_a_doorway_and_a_room_cut_off() -> None:
 def test_checks_see_a_piece_beyond_the_wall() -> None:
     scene = load_scene("Rs_int")
     sofa = next(f for f in scene.furniture if f.category == "sofa")
-    assert ("outside", sofa.id) in {p[:2] for p in check_layout(_moved(scene, sofa.id, sofa.x + 0.5, sofa.y))}
+    back_x, back_y = {0: (-1, 0), 90: (0, -1), 180: (1, 0), 270: (0, 1)}[int(sofa.yaw)]
+    moved = _moved(scene, sofa.id, sofa.x + 0.5 * back_x, sofa.y + 0.5 * back_y)
+    assert ("outside", sofa.id) in {p[:2] for p in check_layout(moved)}
 
 
 @pytest.mark.data
