@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import os
+import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
@@ -46,12 +48,14 @@ class UnknownUnderstanding(GavelError):
     """No task understanding of this name is there."""
 
 
-def import_plugins(plugins: Iterable[str]) -> None:
-    """Import modules, whose import registers agents.
+def import_plugins(plugins: Sequence[str]) -> None:
+    """Import modules, whose import registers agents; modules in the working directory are found too.
 
     Raises:
         BadPlugin: a module cannot be imported.
     """
+    if plugins and os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())  # a console script, unlike `python -m`, does not look there
     for plugin in plugins:
         try:
             importlib.import_module(plugin)
@@ -97,7 +101,7 @@ class _Progress:
 class Rig:
     """Runs episodes; builds environments and what agents share (models, understandings, priors) once."""
 
-    def __init__(self, settings: EnvironmentSettings, plugins: Iterable[str] = ()) -> None:
+    def __init__(self, settings: EnvironmentSettings, plugins: Sequence[str] = ()) -> None:
         """Import the plugins, whose import registers agents.
 
         Raises:

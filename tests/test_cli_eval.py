@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import msgspec
@@ -13,6 +16,7 @@ from eval.contestants import ORDER
 from eval.journal import read_records
 from gavel_env.instructions import Instruction, read_instructions, shipped
 
+ROOT = Path(__file__).parent.parent
 CONFERRED = ("cooked", "washed", "dried")
 
 
@@ -156,6 +160,26 @@ def test_malformed_options_are_refused_by_the_parser(options: list[str], capsys:
         build_parser().parse_args(["eval", *options])
     assert error.value.code == 2
     assert options[0] in capsys.readouterr().err
+
+
+def test_a_plugin_in_the_working_directory_takes_part_by_name(few: Path, tmp_path: Path) -> None:
+    (tmp_path / "my_agents.py").write_text(
+        "import gavel_agents\n"
+        "class Idle:\n"
+        "    name = 'idle'\n"
+        "    def reset(self, observation, info): pass\n"
+        "    def act(self, observation, info): return None\n"
+        "gavel_agents.register('idle', lambda **options: Idle())\n"
+    )
+    arguments = ["eval", "--plugin", "my_agents", "--agents", "idle", "--instructions", str(few), "--limit", "2"]
+    code = f"import sys; from eval.cli import main; sys.exit(main({[*arguments, '--workers', '2', '--quiet']!r}))"
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code], cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    [run] = (tmp_path / "runs").iterdir()
+    assert {record.outcome for record in read_records([run]).records.values()} == {"unmet"}
 
 
 def test_evaluations_of_parts_stand_beside_the_run() -> None:
