@@ -213,7 +213,9 @@ def _place(relation: Relation) -> Effect:
         held = graph.holding
         assert held is not None
         placed = msgspec.structs.replace(graph.place(held, Support(relation, y)), holding=None)
-        return placed if graph.category(y).openable else _chill(placed, y)
+        if relation is Relation.ON_TOP and y in placed.flags[Flag.DIRTY] and graph.category(held).wipes:
+            placed = placed.with_flag(Flag.DIRTY, frozenset((y,)), value=False)
+        return _chill(placed, y) if relation is Relation.INSIDE and not graph.category(y).openable else placed
 
     return effect
 
@@ -230,21 +232,29 @@ def _close(graph: SceneGraph, y: str) -> SceneGraph:
 
 
 def _chill(graph: SceneGraph, y: str) -> SceneGraph:
-    """Freeze what is in a cold source that needs no switch: once its door is shut, or at once if it has none."""
+    """Freeze what is in a cold source that needs no switch: once its door is shut, or at once if it has none.
+
+    What freezes is hot no more; what a heat source makes hot is frozen no more (`_toggle_on`).
+    """
     cold = graph.category(y).cold
     if cold is None or not cold.freezes or cold.requires_toggled_on:
         return graph
-    chilled = [o for o in _within(graph, y, inside_only=True) if graph.category(o).freezable]
-    return graph.with_flag(Flag.FROZEN, frozenset(chilled))
+    chilled = frozenset(o for o in _within(graph, y, inside_only=True) if graph.category(o).freezable)
+    return graph.with_flag(Flag.FROZEN, chilled).with_flag(Flag.HOT, chilled, value=False)
 
 
 def _toggle_on(graph: SceneGraph, y: str) -> SceneGraph:
     graph = graph.with_flag(Flag.TOGGLED, frozenset((y,)))
     for flag, objects in conferred(graph, y).items():
         graph = graph.with_flag(flag, objects)
-        if flag is Flag.WASHED:
-            graph = graph.with_flag(Flag.DIRTY, objects, value=False)
+        if flag in _UNDOES:
+            graph = graph.with_flag(_UNDOES[flag], objects, value=False)
+    if graph.category(y).rinses:
+        graph = graph.with_flag(Flag.DIRTY, frozenset(_within(graph, y, inside_only=True)), value=False)
     return graph
+
+
+_UNDOES = {Flag.WASHED: Flag.DIRTY, Flag.HOT: Flag.FROZEN}
 
 
 def _toggle_off(graph: SceneGraph, y: str) -> SceneGraph:

@@ -105,6 +105,10 @@ class Condition(Protocol):
         """Return whether the condition holds in `graph`."""
         ...
 
+    def wants(self, flag: Flag, obj: str, graph: SceneGraph) -> bool:
+        """Return whether the condition asks for `flag` on `obj`."""
+        ...
+
 
 class Goal(msgspec.Struct, frozen=True):
     """A conjunction of literals, and of further conditions if the task has any."""
@@ -122,7 +126,7 @@ class Goal(msgspec.Struct, frozen=True):
         return any(
             lit.predicate.flag == flag and not lit.negated and obj in fitting(graph, lit.subject)
             for lit in self.literals
-        )
+        ) or any(condition.wants(flag, obj, graph) for condition in self.conditions)
 
     @property
     def subjects(self) -> frozenset[Designator]:

@@ -7,7 +7,7 @@ from functools import lru_cache
 import msgspec
 
 from gavel_env.errors import GavelError, InstructionError
-from gavel_env.goals import Designator, fitting, parse_literal, unmet
+from gavel_env.goals import Designator, Literal, Predicate, fitting, parse_literal, unmet
 from gavel_env.graph import Flag, Node, Relation, Room, SceneGraph, Support, World
 from gavel_env.instructions import Instruction, Placement
 from gavel_env.ontology import Ontology, category_of, default_ontology
@@ -16,7 +16,7 @@ from gavel_env.scenes import Scene
 __all__ = ["instruction_graph", "scene_graph"]
 
 _RELATIONS = {"on": Relation.ON_TOP, "in": Relation.INSIDE, "floor": Relation.FLOOR}
-_FLAGS = {flag.name.lower(): flag for flag in Flag}
+_BESIDE = (Predicate.NEXT_TO, Predicate.UNDER)
 
 
 def scene_graph(scene: Scene, ontology: Ontology | None = None) -> SceneGraph:
@@ -109,11 +109,26 @@ def instruction_graph(scene: Scene, instruction: Instruction, ontology: Ontology
                     f"{place}, placements[{index}]: unknown state {state!r}; known: {known}"
                 ) from None
             flags[flag] = flags[flag] | {name}
+    next_to = set(graph.next_to)
     for text in instruction.initial:
-        flag, found = _initial_state(graph, text, place)
-        flags[flag] = flags[flag] | {found}
+        literal = _initial_literal(text, place)
+        found = fitting(graph, literal.subject)
+        state = literal.predicate.flag
+        others = fitting(graph, literal.object) if literal.object and literal.predicate in _BESIDE else ()
+        if not found or literal.negated or (state is None and not others):
+            raise InstructionError(
+                f"{place}, initial: {text!r} must be a state of a piece of this scene, such as open(fridge_0), "
+                "or say what lies beside or under what, such as next_to(ball_0, sofa_0)"
+            )
+        if state is None:
+            next_to.add((min(found[0], others[0]), max(found[0], others[0])))
+        else:
+            flags[state] = flags[state] | {found[0]}
     graph = msgspec.structs.replace(
-        graph, contents={holder: tuple(sorted(held)) for holder, held in contents.items()}, flags=tuple(flags)
+        graph,
+        contents={holder: tuple(sorted(held)) for holder, held in contents.items()},
+        flags=tuple(flags),
+        next_to=frozenset(next_to),
     )
     for index, task in enumerate(instruction.tasks):
         if not unmet(task.parsed_goal(), graph):
@@ -150,15 +165,8 @@ def _support(graph: SceneGraph, placement: Placement, place: str) -> Support:
     return Support(relation, found[0])
 
 
-def _initial_state(graph: SceneGraph, text: str, place: str) -> tuple[Flag, str]:
+def _initial_literal(text: str, place: str) -> Literal:
     try:
-        literal = parse_literal(text)
+        return parse_literal(text)
     except GavelError as error:
         raise InstructionError(f"{place}, initial: {error}") from error
-    flag = literal.predicate.flag
-    found = fitting(graph, literal.subject)
-    if flag is None or literal.negated or not found:
-        raise InstructionError(
-            f"{place}, initial: {text!r} must be a state of a piece of this scene, such as open(fridge_0)"
-        )
-    return flag, found[0]

@@ -17,6 +17,7 @@ import msgspec
 from gavel_env.actions import Action, parse_action
 from gavel_env.errors import GavelError, InstructionError, UnknownInstruction
 from gavel_env.goals import Goal, parse_goal
+from gavel_env.quantifiers import Formula
 
 __all__ = ["Instruction", "InstructionSet", "Placement", "Rejected", "TaskSpec", "read_instructions", "shipped"]
 
@@ -39,16 +40,20 @@ class Placement(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
     states: tuple[str, ...] = ()
 
 
-class TaskSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A task I_i: sentence, goal literals g_i and reference plan, each in text form."""
+class TaskSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A task I_i: sentence, goal literals g_i and reference plan, each in text form.
+
+    `conditions` are what literals cannot say (docs/behavior.md), in JSON form; they hold together with the literals.
+    """
 
     text: str
     goal: tuple[str, ...]
     reference_plan: tuple[str, ...]
+    conditions: tuple[Formula, ...] = ()
 
     def parsed_goal(self) -> Goal:
         """Return g_i."""
-        return parse_goal(self.goal)
+        return Goal(parse_goal(self.goal).literals, self.conditions)
 
     def parsed_plan(self) -> tuple[Action, ...]:
         """Return the reference plan."""
@@ -65,7 +70,8 @@ class Instruction(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_
         placements: movables added to the scene.
         tasks: the independent tasks that make it up (one for single-task instructions).
         kind: "single", "multi" or "behavior".
-        initial: states of the scene's own pieces at the start, as literals (`open(fridge_0)`).
+        initial: states of the scene's own pieces at the start, as literals (`open(fridge_0)`), and what lies beside or
+            under what (`next_to(ball_0, sofa_0)`).
         meta: free notes of the generator (template, seed, difficulty knobs); never shown to agents.
     """
 
@@ -150,7 +156,7 @@ def parse_instruction(line: str | bytes | Mapping[str, Any] | Instruction, place
             task.parsed_plan()
         except GavelError as error:
             raise InstructionError(f"{place}: instruction {record.id!r}, tasks[{index}]: {error}") from error
-        if not task.goal:
+        if not task.goal and not task.conditions:
             raise InstructionError(f"{place}: instruction {record.id!r}, tasks[{index}]: goal has no literals")
     return record
 

@@ -61,6 +61,8 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         cold: acts as a cold source, under these conditions.
         washes: switching it on washes its contents.
         dries: switching it on dries its contents.
+        rinses: switching it on runs water over its contents, which takes dirt off.
+        wipes: put down on something dirty, it takes the dirt off (a rag, a sponge).
         cookable: becomes cooked in or on a heat source.
         heatable: becomes hot in or on a heat source.
         freezable: becomes frozen in a cold source that freezes.
@@ -84,6 +86,8 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     cold: TemperatureSource | None = None
     washes: bool = False
     dries: bool = False
+    rinses: bool = False
+    wipes: bool = False
     cookable: bool = False
     heatable: bool = False
     freezable: bool = False

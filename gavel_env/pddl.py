@@ -158,15 +158,27 @@ class _Structure:
     def _door(self, o: str) -> bool:
         return self.category(o).openable
 
+    def freezes(self, o: str) -> bool:
+        """Return whether `o` freezes what is in it, without being switched on."""
+        cold = self.category(o).cold
+        return cold is not None and cold.freezes and not cold.requires_toggled_on
+
     def doors_within(self, o: str) -> list[str]:
         """Return the lidded movables directly on or in `o` that hold something inside."""
+        return self.doors_among([d for d in self.held_up_by.get(o, ()) if not self.fixed(d)])
+
+    def doors_among(self, objects: Sequence[str]) -> list[str]:
+        """Return those of the objects that have a lid and hold something inside."""
         return [
             d
-            for d in self.held_up_by.get(o, ())
-            if not self.fixed(d)
-            and self._door(d)
-            and any(self._relation(i) is Relation.INSIDE for i in self.held_up_by.get(d, ()))
+            for d in objects
+            if self._door(d) and any(self._relation(i) is Relation.INSIDE for i in self.held_up_by.get(d, ()))
         ]
+
+    def exposed(self, o: str, is_open: Mapping[str, bool]) -> list[str]:
+        """Return what is directly on `o`, or in it if its lid does not cover it."""
+        below = self.held_up_by.get(o, ())
+        return [i for i in below if self._relation(i) is Relation.ON_TOP or is_open.get(o, True)]
 
     def treated(self, o: str, is_open: Mapping[str, bool], *, inside_only: bool) -> list[str]:
         """Return the contents that an appliance acts on: direct ones, and one level down unless under a lid."""
@@ -174,10 +186,7 @@ class _Structure:
         for item in self.held_up_by.get(o, ()):
             if self.fixed(item) or (inside_only and self._relation(item) is not Relation.INSIDE):
                 continue
-            found.append(item)
-            for below in self.held_up_by.get(item, ()):
-                if self._relation(below) is Relation.ON_TOP or is_open.get(item, True):
-                    found.append(below)
+            found += [item, *self.exposed(item, is_open)]
         return found
 
 
@@ -248,6 +257,10 @@ def _releases(s: _Structure) -> Iterator[_Operator]:
             )
 
 
+def _frozen(s: _Structure, objects: Sequence[str]) -> list[str]:
+    return [_fact("frozen", o) for o in objects if s.category(o).freezable]
+
+
 def _placements(s: _Structure) -> Iterator[_Operator]:
     held = s.held
     if held is None:
@@ -258,11 +271,20 @@ def _placements(s: _Structure) -> Iterator[_Operator]:
         needs = [_EXPORTED, _fact("holding", held), _fact("near", y), *s.accessible(y)]
         deletes = [_EXPORTED, _fact("holding", held)]
         if s.category(y).surface:
-            yield _Operator(Action(Primitive.PLACE_ON_TOP, y), needs, [_EMPTY, _fact("on-top", held, y)], deletes)
-        if s.category(y).interior:
-            if s.category(y).openable:
-                needs = [*needs, _fact("open", y)]
-            yield _Operator(Action(Primitive.PLACE_INSIDE, y), needs, [_EMPTY, _fact("inside", held, y)], deletes)
+            wiped = [_fact("dirty", y)] if s.category(held).wipes else []
+            added = [_EMPTY, _fact("on-top", held, y)]
+            yield _Operator(Action(Primitive.PLACE_ON_TOP, y), needs, added, deletes + wiped)
+        if not s.category(y).interior:
+            continue
+        if s.category(y).openable:
+            needs = [*needs, _fact("open", y)]
+        doorless = s.freezes(y) and not s.category(y).openable
+        for case, facts in _cases([*s.doors_within(y), *s.doors_among([held])] if doorless else ()):
+            frozen = (
+                _frozen(s, [*s.treated(y, case, inside_only=True), held, *s.exposed(held, case)]) if doorless else []
+            )
+            action = Action(Primitive.PLACE_INSIDE, y)
+            yield _Operator(action, [*needs, *facts], [_EMPTY, _fact("inside", held, y), *frozen], deletes)
 
 
 def _doors(s: _Structure, hand: list[str]) -> Iterator[_Operator]:
@@ -281,8 +303,9 @@ def _doors(s: _Structure, hand: list[str]) -> Iterator[_Operator]:
                 for o in (s.treated(y, case, inside_only=True) if freezes else ())
                 if s.category(o).freezable
             ]
+            cooled = [fact.replace("frozen", "hot", 1) for fact in frozen]
             yield _Operator(
-                Action(Primitive.CLOSE, y), [*needs, *facts], [_fact("shut", y), *frozen], [_fact("open", y)]
+                Action(Primitive.CLOSE, y), [*needs, *facts], [_fact("shut", y), *frozen], [_fact("open", y), *cooled]
             )
 
 
@@ -295,7 +318,7 @@ def _switches(s: _Structure, hand: list[str]) -> Iterator[_Operator]:
         yield _Operator(Action(Primitive.TOGGLE_OFF, y), needs, (), [_fact("toggled", y)])
         if category.requires_closed and category.openable:
             needs = [*needs, _fact("shut", y)]
-        confers = category.heat is not None or category.washes or category.dries
+        confers = category.heat is not None or category.washes or category.dries or category.rinses
         doors = s.doors_within(y) if confers else []
         if category.heat is not None and category.heat.requires_closed and category.openable:
             doors = [y, *doors]
@@ -313,9 +336,11 @@ def _conferred(s: _Structure, y: str, is_open: Mapping[str, bool]) -> tuple[list
     if heat is not None and not (heat.requires_closed and is_open.get(y, False)):
         for o in s.treated(y, is_open, inside_only=heat.requires_inside):
             adds += [_fact("cooked", o)] * s.category(o).cookable + [_fact("hot", o)] * s.category(o).heatable
+            deletes += [_fact("frozen", o)] * s.category(o).heatable
     within = s.treated(y, is_open, inside_only=True)
     if category.washes:
         adds += [_fact("washed", o) for o in within]
+    if category.washes or category.rinses:
         deletes += [_fact("dirty", o) for o in within]
     if category.dries:
         adds += [_fact("dried", o) for o in within]

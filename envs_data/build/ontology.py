@@ -23,6 +23,7 @@ PROVENANCE = (
     "rules of envs_data/build/affordances.py, explained in docs/data.md"
 )
 ANNOTATED = ("openable", "toggleable", "heatSource", "coldSource", "cookable", "heatable", "freezable", "waterSource")
+REMOVES = "particleRemover"
 
 
 def _temperature_source(parameters: Mapping[str, Any] | None) -> TemperatureSource | None:
@@ -55,8 +56,12 @@ def build_category(name: str, row: CategoryRow) -> Category:
         "surface": on_top, "interior": inside, confers: confers_why, "safety_critical": safety_why,
         "graspable": "size and mass" if graspable else "",
     }  # fmt: skip
+    rinses = toggleable and bool(water_why) and inside is not None
+    wipes = REMOVES in annotated
+    if rinses:
+        reasons["rinses"] = water_why
     rules = "; ".join(f"{what}: {why}" for what, why in reasons.items() if what and why)
-    facts = ", ".join(p for p in ANNOTATED if p in annotated)
+    facts = ", ".join(p for p in (*ANNOTATED, REMOVES) if p in annotated)
     return Category(
         name=name,
         synset=synset,
@@ -70,6 +75,8 @@ def build_category(name: str, row: CategoryRow) -> Category:
         cold=_temperature_source(annotated.get("coldSource")),
         washes=confers == "washes",
         dries=confers == "dries",
+        rinses=rinses,
+        wipes=wipes,
         cookable="cookable" in annotated,
         heatable="heatable" in annotated,
         freezable="freezable" in annotated,

@@ -1,0 +1,411 @@
+"""Goal conditions with quantifiers, as BEHAVIOR's activities have them.
+
+A condition has two forms. The text form is BDDL's, with the members of a quantifier's domain in place of its type:
+`(forall (?x apple_0 apple_1) (exists (?y bottom_cabinet@kitchen) (inside ?x ?y)))`. The JSON form is the same tree as
+tagged objects, decoded by msgspec into the frozen structs below: `{"is":"forall","variable":"?x","domain":[...],...}`.
+Members of a domain, and places of an atom that are no variables, are designators: any instance that fits one counts.
+
+The meanings are those of bddl 3.6.0: `forn` holds if exactly `count` members do, `forpairs` if at least as many members
+of each domain as the smaller one has are in some pair.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple, TypeAlias
+
+import msgspec
+
+from gavel_env.errors import MalformedGoal, nearest_names
+from gavel_env.goals import Designator, Goal, Literal, Predicate, fitting, unmet
+from gavel_env.graph import Flag, Relation, SceneGraph
+
+__all__ = [
+    "ON_FLOOR",
+    "PREDICATES",
+    "And",
+    "Asked",
+    "Atom",
+    "Exists",
+    "ForAll",
+    "ForN",
+    "ForPairs",
+    "Formula",
+    "Imply",
+    "Not",
+    "Or",
+    "conjuncts",
+    "parse_formula",
+    "plain_literals",
+    "read_expression",
+]
+
+ON_FLOOR = "on_floor"
+"""on_floor(x, room): x lies on the floor of the room; the one predicate that literals do not have."""
+
+PREDICATES: Mapping[str, int] = {p.value: p.arity for p in Predicate} | {ON_FLOOR: 2}
+"""Name of every predicate that an atom can have, and its number of places."""
+
+Bound = Mapping[str, str]
+Domains = Mapping[str, tuple[str, ...]]
+
+
+class Asked(NamedTuple):
+    """An atom as it occurs in a condition.
+
+    Attributes:
+        atom: the atom.
+        positive: False under an odd number of negations.
+        domains: domain of every variable around it.
+    """
+
+    atom: Atom
+    positive: bool
+    domains: Domains
+
+
+class _Condition(msgspec.Struct, frozen=True, tag_field="is", forbid_unknown_fields=True):
+    """What all conditions share; implements `goals.Condition`."""
+
+    def holds(self, graph: SceneGraph) -> bool:
+        """Return whether the condition holds in `graph`."""
+        return self.value(graph, {})
+
+    def wants(self, flag: Flag, obj: str, graph: SceneGraph) -> bool:
+        """Return whether the condition somewhere asks for `flag` on `obj`."""
+        for atom, positive, domains in self.asked():
+            if positive and atom.predicate == flag.name.lower():
+                members = domains.get(atom.args[0], (atom.args[0],))
+                if any(obj in fitting(graph, Designator.parse(member)) for member in members):
+                    return True
+        return False
+
+    def value(self, graph: SceneGraph, bound: Bound) -> bool:
+        """Return the truth value under a binding of the variables."""
+        raise NotImplementedError
+
+    def asked(self, positive: bool = True, domains: Domains | None = None) -> Iterator[Asked]:
+        """Yield every atom with its polarity and the domains around it."""
+        raise NotImplementedError
+
+
+class Atom(_Condition, frozen=True, tag="atom"):
+    """A predicate and its places, each a variable (`?x`) or a designator."""
+
+    predicate: str
+    args: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"({' '.join((self.predicate, *self.args))})"
+
+    def value(self, graph: SceneGraph, bound: Bound) -> bool:
+        """Return whether some instances that fit make it true."""
+        args = [bound.get(a, a) for a in self.args]
+        if self.predicate == ON_FLOOR:
+            return any(_on_floor(graph, obj, args[1]) for obj in fitting(graph, Designator.parse(args[0])))
+        return not unmet(Goal((literal_of(self.predicate, args),)), graph)
+
+    def asked(self, positive: bool = True, domains: Domains | None = None) -> Iterator[Asked]:
+        """Yield itself."""
+        yield Asked(self, positive, domains or {})
+
+
+class Not(_Condition, frozen=True, tag="not"):
+    """Negation."""
+
+    body: Formula
+
+    def __str__(self) -> str:
+        return f"(not {self.body})"
+
+    def value(self, graph: SceneGraph, bound: Bound) -> bool:
+        """Return the opposite of the body's value."""
+        return not self.body.value(graph, bound)
+
+    def asked(self, positive: bool = True, domains: Domains | None = None) -> Iterator[Asked]:
+        """Yield the body's atoms, turned round."""
+        return self.body.asked(not positive, domains)
+
+
+class And(_Condition, frozen=True, tag="and"):
+    """Conjunction."""
+
+    parts: tuple[Formula, ...]
+
+    def __str__(self) -> str:
+        return f"(and {' '.join(map(str, self.parts))})"
+
+    def value(self, graph: SceneGraph, bound: Bound) -> bool:
+        """Return whether all parts hold."""
+        return all(part.value(graph, bound) for part in self.parts)
+
+    def asked(self, positive: bool = True, domains: Domains | None = None) -> Iterator[Asked]:
+        """Yield the parts' atoms."""
+        for part in self.parts:
+            yield from part.asked(positive, domains)
+
+
+class Or(_Condition, frozen=True, tag="or"):
+    """Disjunction."""
+
+    parts: tuple[Formula, ...]
+
+    def __str__(self) -> str:
+        return f"(or {' '.join(map(str, self.parts))})"
+
+    def value(self, graph: SceneGraph, bound: Bound) -> bool:
+        """Return whether a part holds."""
+        return any(part.value(graph, bound) for part in self.parts)
+
+    def asked(self, positive: bool = True, domains: Domains | None = None) -> Iterator[Asked]:
+        """Yield the parts' atoms."""
+        for part in self.parts:
+            yield from part.asked(positive, domains)
+
+
+class Imply(_Condition, frozen=True, tag="imply"):
+    """Implication."""
+
+    premise: Formula
+    body: Formula
+
+    def __str__(self) -> str:
+        return f"(imply {self.premise} {self.body})"
+
+    def value(self, graph: SceneGraph, bound: Bound) -> bool:
+        """Return whether the premise fails or the body holds."""
+        return not self.premise.value(graph, bound) or self.body.value(graph, bound)
+
+    def asked(self, positive: bool = True, domains: Domains | None = None) -> Iterator[Asked]:
+        """Yield the atoms of both, those of the premise turned round."""
+        yield from self.premise.asked(not positive, domains)
+        yield from self.body.asked(positive, domains)
+
+
+class _Quantified(_Condition, frozen=True):
+    variable: str
+    domain: tuple[str, ...]
+    body: Formula
+
+    def values(self, graph: SceneGraph, bound: Bound) -> Iterator[bool]:
+        """Yield the body's value for every member of the domain."""
+        for member in _members(graph, self.domain):
+            yield self.body.value(graph, {**bound, self.variable: member})
+
+    def asked(self, positive: bool = True, domains: Domains | None = None) -> Iterator[Asked]:
+        """Yield the body's atoms."""
+        return self.body.asked(positive, {**(domains or {}), self.variable: self.domain})
+
+    def _tail(self) -> str:
+        return f"({' '.join((self.variable, *self.domain))}) {self.body})"
+
+
+class ForAll(_Quantified, frozen=True, tag="forall"):
+    """The body holds for every member."""
+
+    def __str__(self) -> str:
+        return f"(forall {self._tail()}"
+
+    def value(self, graph: SceneGraph, bound: Bound) -> bool:
+        """Return whether all members do."""
+        return all(self.values(graph, bound))
+
+
+class Exists(_Quantified, frozen=True, tag="exists"):
+    """The body holds for some member."""
+
+    def __str__(self) -> str:
+        return f"(exists {self._tail()}"
+
+    def value(self, graph: SceneGraph, bound: Bound) -> bool:
+        """Return whether some member does."""
+        return any(self.values(graph, bound))
+
+
+class ForN(_Quantified, frozen=True, tag="forn"):
+    """The body holds for exactly `count` members."""
+
+    count: int
+
+    def __str__(self) -> str:
+        return f"(forn ({self.count}) {self._tail()}"
+
+    def value(self, graph: SceneGraph, bound: Bound) -> bool:
+        """Return whether exactly `count` members do."""
+        return sum(self.values(graph, bound)) == self.count
+
+
+class ForPairs(_Condition, frozen=True, tag="forpairs"):
+    """Every member of the smaller domain has a partner in the other, and as many of the other have one."""
+
+    variable: str
+    domain: tuple[str, ...]
+    other_variable: str
+    other_domain: tuple[str, ...]
+    body: Formula
+
+    def __str__(self) -> str:
+        first, second = (self.variable, *self.domain), (self.other_variable, *self.other_domain)
+        return f"(forpairs ({' '.join(first)}) ({' '.join(second)}) {self.body})"
+
+    def value(self, graph: SceneGraph, bound: Bound) -> bool:
+        """Return whether enough members of both domains have a partner."""
+        firsts, seconds = _members(graph, self.domain), _members(graph, self.other_domain)
+        pairs = [
+            (a, b)
+            for a in firsts
+            for b in seconds
+            if a != b and self.body.value(graph, {**bound, self.variable: a, self.other_variable: b})
+        ]
+        least = min(len(firsts), len(seconds))
+        return len({a for a, _ in pairs}) >= least and len({b for _, b in pairs}) >= least
+
+    def asked(self, positive: bool = True, domains: Domains | None = None) -> Iterator[Asked]:
+        """Yield the body's atoms."""
+        around = {**(domains or {}), self.variable: self.domain, self.other_variable: self.other_domain}
+        return self.body.asked(positive, around)
+
+
+Formula: TypeAlias = Atom | Not | And | Or | Imply | ForAll | Exists | ForN | ForPairs
+
+
+def _members(graph: SceneGraph, domain: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the instances that fit a domain, each once."""
+    return tuple(dict.fromkeys(obj for member in domain for obj in fitting(graph, Designator.parse(member))))
+
+
+def _on_floor(graph: SceneGraph, obj: str, room: str) -> bool:
+    support = graph.supports.get(obj)
+    if support is None or support.relation is not Relation.FLOOR:
+        return False
+    return room in (support.holder, graph.world.rooms[support.holder].type)
+
+
+def literal_of(predicate: str, args: list[str] | tuple[str, ...], negated: bool = False) -> Literal:
+    """Return an atom without variables as a goal literal."""
+    second = Designator.parse(args[1]) if len(args) > 1 else None
+    return Literal(Predicate(predicate), Designator.parse(args[0]), second, negated)
+
+
+def conjuncts(formula: Formula) -> Iterator[Formula]:
+    """Yield the parts of nested conjunctions, in order."""
+    if isinstance(formula, And):
+        for part in formula.parts:
+            yield from conjuncts(part)
+    else:
+        yield formula
+
+
+def plain_literals(formula: Formula) -> tuple[Literal, ...] | None:
+    """Return a condition as goal literals if it is a conjunction of them (and of `forall` over them), else None."""
+    found: list[Literal] = []
+    for part in conjuncts(formula):
+        if isinstance(part, ForAll):
+            inner = plain_literals(part.body)
+            if inner is None:
+                return None
+            members = [Designator.parse(member) for member in part.domain]
+            found.extend(_renamed(literal, part.variable, member) for member in members for literal in inner)
+            continue
+        atom, negated = (part.body, True) if isinstance(part, Not) else (part, False)
+        if not isinstance(atom, Atom) or atom.predicate == ON_FLOOR:
+            return None
+        args = [Designator(a) if a.startswith("?") else Designator.parse(a) for a in atom.args]
+        found.append(Literal(Predicate(atom.predicate), args[0], args[1] if len(args) > 1 else None, negated))
+    return tuple(dict.fromkeys(found))
+
+
+def _renamed(literal: Literal, variable: str, member: Designator) -> Literal:
+    subject = member if literal.subject.name == variable else literal.subject
+    second = member if literal.object is not None and literal.object.name == variable else literal.object
+    return literal._replace(subject=subject, object=second)
+
+
+# --- text form -----------------------------------------------------------------------------------------------------
+
+Expression: TypeAlias = str | list["Expression"]
+
+
+def read_expression(text: str, place: str = "condition") -> Expression:
+    """Read one parenthesised expression; `;` starts a comment.
+
+    Raises:
+        MalformedGoal: parentheses do not match, or something stands before or after the expression.
+    """
+    tokens = "\n".join(line.split(";")[0] for line in text.splitlines()).replace("(", " ( ").replace(")", " ) ").split()
+    stack: list[list[Expression]] = [[]]
+    for token in tokens:
+        if token == "(":
+            stack.append([])
+        elif token == ")":
+            if len(stack) == 1:
+                raise MalformedGoal(f"{place}: a parenthesis closes that was never opened")
+            done = stack.pop()
+            stack[-1].append(done)
+        else:
+            stack[-1].append(token)
+    if len(stack) != 1:
+        raise MalformedGoal(f"{place}: {len(stack) - 1} parentheses are not closed")
+    if len(stack[0]) != 1:
+        raise MalformedGoal(f"{place}: {len(stack[0])} expressions where one is expected")
+    return stack[0][0]
+
+
+def parse_formula(text: str) -> Formula:
+    """Read a condition in text form; `parse_formula(str(c)) == c`.
+
+    Raises:
+        MalformedGoal: says which part is wrong, and how.
+    """
+    return _formula(read_expression(text))
+
+
+def _words(expression: Expression, what: str) -> tuple[str, ...]:
+    if isinstance(expression, str) or not expression or not all(isinstance(part, str) for part in expression):
+        raise MalformedGoal(f"{what} needs words in parentheses, not {_shown(expression)}")
+    return tuple(str(part) for part in expression)
+
+
+def _shown(expression: Expression) -> str:
+    return expression if isinstance(expression, str) else f"({' '.join(map(_shown, expression))})"[:80]
+
+
+_LENGTHS = {"not": 2, "imply": 3, "forall": 3, "exists": 3, "forn": 4, "forpairs": 4}
+
+
+def _formula(expression: Expression) -> Formula:
+    if isinstance(expression, str) or not expression or not isinstance(expression[0], str):
+        raise MalformedGoal(f"{_shown(expression)!r} is no condition; write (predicate place ...)")
+    head = expression[0]
+    rest = expression[1:]
+    if head in _LENGTHS and len(expression) != _LENGTHS[head]:
+        raise MalformedGoal(f"{head} takes {_LENGTHS[head] - 1} part(s), not {len(rest)}: {_shown(expression)}")
+    if head in ("and", "or"):
+        parts = tuple(_formula(part) for part in rest)
+        return And(parts) if head == "and" else Or(parts)
+    if head == "not":
+        return Not(_formula(rest[0]))
+    if head == "imply":
+        return Imply(_formula(rest[0]), _formula(rest[1]))
+    if head in ("forall", "exists"):
+        variable, *domain = _words(rest[0], head)
+        made = ForAll if head == "forall" else Exists
+        return made(variable, tuple(domain), _formula(rest[1]))
+    if head == "forn":
+        (count,) = _words(rest[0], head)
+        variable, *domain = _words(rest[1], head)
+        if not count.isdigit():
+            raise MalformedGoal(f"forn counts with a whole number, not {count!r}")
+        return ForN(variable, tuple(domain), _formula(rest[2]), int(count))
+    if head == "forpairs":
+        variable, *domain = _words(rest[0], head)
+        other, *others = _words(rest[1], head)
+        return ForPairs(variable, tuple(domain), other, tuple(others), _formula(rest[2]))
+    if head not in PREDICATES:
+        near = nearest_names(head, PREDICATES)
+        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(sorted(PREDICATES))}"
+        raise MalformedGoal(f"unknown predicate {head!r} in {_shown(expression)}; {hint}")
+    args = _words(rest, head)
+    if len(args) != PREDICATES[head]:
+        raise MalformedGoal(f"{head} takes {PREDICATES[head]} place(s), not {len(args)}: {_shown(expression)}")
+    return Atom(head, args)
