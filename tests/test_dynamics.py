@@ -390,6 +390,20 @@ def test_states_stay_when_the_appliance_is_switched_off() -> None:
     assert not graph.has(Flag.TOGGLED, "oven_0")
 
 
+COLD = {"apple_0": "held", "freezer_0": "floor kitchen_0", "cooler_0": "floor kitchen_0"}
+
+
+def test_cold_sources_freeze_once_shut_or_at_once_without_a_door() -> None:
+    graph = kitchen(COLD, flags={"open": ("fridge_0",)})
+    inside = run(graph, "PLACE_INSIDE(fridge_0)")
+    assert not inside.flags[Flag.FROZEN]
+    assert run(inside, "CLOSE(fridge_0)").flags[Flag.FROZEN] == {"apple_0", "steak_0"}
+    assert run(graph, "PLACE_INSIDE(freezer_0)").flags[Flag.FROZEN] == {"apple_0"}
+    cooled = run(graph, "OPEN(cooler_0)", "PLACE_INSIDE(cooler_0)", "CLOSE(cooler_0)")
+    assert not cooled.flags[Flag.FROZEN], "a cool box is not below zero"
+    assert not run(graph, "PLACE_ON_TOP(fridge_0)", "CLOSE(fridge_0)").has(Flag.FROZEN, "apple_0")
+
+
 def test_rollout_stops_at_the_first_violation_and_says_the_step() -> None:
     plan = [parse_action(t) for t in ("NAVIGATE_TO(fridge_0)", "GRASP(steak_0)", "RELEASE")]
     end, violation = dynamics.rollout(kitchen(), plan)

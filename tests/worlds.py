@@ -112,6 +112,7 @@ def random_house_graph(house: str, rng: np.random.Generator, *, pieces: int = 9,
     for flag, able in ((Flag.OPEN, "openable"), (Flag.TOGGLED, "toggleable")):
         able_objects = [o for o, n in graph.world.nodes.items() if getattr(n.category, able)]
         flags[flag] = frozenset(o for o in able_objects if rng.random() < 0.4)
+    flags[Flag.DIRTY] = frozenset(o for o, n in graph.world.nodes.items() if not n.fixed and rng.random() < 0.3)
     room = sorted(graph.world.rooms)[int(rng.integers(len(graph.world.rooms)))]
     return msgspec.structs.replace(graph, flags=tuple(flags), robot_room=room)
 
