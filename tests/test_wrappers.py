@@ -17,6 +17,7 @@ from gavel_env.actions import Action, Primitive, parse_action
 from gavel_env.dynamics import first_violation
 from gavel_env.errors import MalformedAction
 from gavel_env.observed import EnvAction
+from gavel_env.sensor import observed_part
 
 PLAN = ("navigate to the apple", "PickUp(apple)", "NAVIGATE_TO(coffee_table)", "put on top of the coffee table")
 
@@ -175,3 +176,24 @@ def test_gymnasium_records_videos(tmp_path: Path) -> None:
     env.close()
     (video,) = (tmp_path / "videos").glob("*.mp4")
     assert video.stat().st_size > 1000
+
+
+def test_what_is_observed_is_the_hidden_world_as_far_as_it_was_seen() -> None:
+    """Random play with and without masks: the view never drifts from the world, and positions are the real ones."""
+    env = FlatActions(make(on_violation="noop"))
+    rng = np.random.default_rng(2)
+    for seed in range(4):
+        _, info = env.reset(seed=seed)
+        for _ in range(40):
+            if rng.random() < 0.8:
+                pairs = np.argwhere(info["joint_mask"][:, : env.unwrapped.max_nodes])
+                action = pairs[int(rng.integers(len(pairs)))]
+            else:
+                action = np.array([rng.integers(9), rng.integers(100)])
+            *_, terminated, _, info = env.step(action)
+            privileged = env.unwrapped.privileged_state()
+            observed = info["observed"]
+            assert observed_part(privileged.graph, dict.fromkeys(observed.graph.world.nodes)) == observed.graph
+            assert all(privileged.executor.position(obj) == at for obj, at in observed.positions.items())
+            if terminated:
+                break
