@@ -13,6 +13,7 @@ from typing import NamedTuple
 from eval.journal import RecordFile
 from eval.records import Benchmark, Contestant, EpisodeKey, EpisodeRecord
 from eval.statistics import Estimate, over_episodes, over_seeds, share_over_seeds
+from gavel_env.errors import UnknownAgent
 
 __all__ = ["Results", "Row", "Section", "results"]
 
@@ -101,7 +102,15 @@ def results(files: RecordFile, compare: Sequence[str] | None = None) -> Results:
     Args:
         files: as read.
         compare: agents whose metres are matched; default those that solved at least half of what was scheduled.
+
+    Raises:
+        UnknownAgent: `compare` names an agent that is in none of the files.
     """
+    known = {one.agent for header in files.headers for one in header.contestants}
+    known |= {record.contestant.agent for record in files.records.values()}
+    for name in compare or ():
+        if name not in known:
+            raise UnknownAgent(name, known, "these records")
     sections = [_section(scheduled, files.records, compare) for scheduled in _gather(files)]
     codes = [header.code for header in files.headers] + [record.code for record in files.records.values()]
     profiles = [str(header.environment.get("profile", "")) for header in files.headers]

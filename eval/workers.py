@@ -23,6 +23,8 @@ from gavel_env.errors import GavelError
 __all__ = ["WorkerFailed", "run_episodes"]
 
 _STARTS_WITHOUT_AN_EPISODE = 3
+_GRACE_S = 2.0
+"""A worker ends an overdue episode itself between two actions; one that has not done so by then hangs."""
 
 
 class WorkerFailed(GavelError):
@@ -43,7 +45,7 @@ def run_episodes(
         settings: of the environments.
         plugins: modules whose import registers agents.
         workers: processes; 1 without a timeout runs everything in this process.
-        timeout_s: seconds of wall clock per episode; a worker that overruns it is ended.
+        timeout_s: seconds of wall clock per episode; a worker that hangs past it is ended.
 
     Raises:
         GavelError: a contestant cannot be built, or workers cannot start.
@@ -66,10 +68,17 @@ def run_episodes(
 class _Worker:
     """A process, the pipe to it, and what it is doing."""
 
-    def __init__(self, settings: EnvironmentSettings, plugins: tuple[str, ...], checked: Sequence[Episode]) -> None:
+    def __init__(
+        self,
+        settings: EnvironmentSettings,
+        plugins: tuple[str, ...],
+        timeout_s: float | None,
+        checked: Sequence[Episode],
+    ) -> None:
         context = multiprocessing.get_context("spawn")  # forking after numba or torch have started threads can hang
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, settings, plugins, tuple(checked)), daemon=True)
+        arguments = (theirs, settings, plugins, timeout_s, tuple(checked))
+        self.process = context.Process(target=_serve, args=arguments, daemon=True)
         self.process.start()
         theirs.close()
         self.ready = False
@@ -78,7 +87,7 @@ class _Worker:
 
     def give(self, episode: Episode, timeout_s: float | None) -> None:
         self.episode = episode
-        self.deadline_s = float("inf") if timeout_s is None else time.monotonic() + timeout_s
+        self.deadline_s = float("inf") if timeout_s is None else time.monotonic() + timeout_s + _GRACE_S
         with contextlib.suppress(OSError):  # it has just died; reading from its pipe will say so
             self.pipe.send(episode)
 
@@ -116,7 +125,9 @@ class _Pool:
                 elif worker.episode is not None and time.monotonic() >= worker.deadline_s:
                     episode = worker.episode
                     self._replace(worker)
-                    yield episode.record("timeout", seconds={"total": float(self._timeout_s or 0.0)})
+                    yield episode.record(
+                        "timeout", error=f"no answer within {self._timeout_s} s; its process was ended"
+                    )
 
     def close(self) -> None:
         for worker in self._workers:
@@ -124,7 +135,7 @@ class _Pool:
         self._workers = []
 
     def _start(self) -> None:
-        self._workers.append(_Worker(self._settings, self._plugins, self._checked))
+        self._workers.append(_Worker(self._settings, self._plugins, self._timeout_s, self._checked))
 
     def _replace(self, worker: _Worker) -> None:
         self._workers.remove(worker)
@@ -174,6 +185,7 @@ def _serve(
     pipe: Connection[Any, Any],
     settings: EnvironmentSettings,
     plugins: tuple[str, ...],
+    timeout_s: float | None,
     checked: tuple[Episode, ...],
 ) -> None:
     """Answer episodes with records until the pipe closes; the body of a worker process."""
@@ -187,6 +199,6 @@ def _serve(
     try:
         pipe.send(("ready", None))
         while True:
-            pipe.send(("record", rig.run(pipe.recv())))
+            pipe.send(("record", rig.run(pipe.recv(), timeout_s)))
     except (EOFError, BrokenPipeError, ConnectionResetError):
         return

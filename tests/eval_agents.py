@@ -100,6 +100,16 @@ class Hanging(Lazy):
         return super().act(observation, info)
 
 
+class Dawdling(Teacher):
+    """Takes a second for every action."""
+
+    name = "dawdling"
+
+    def act(self, observation: Any, info: dict[str, Any]) -> EnvAction | None:
+        time.sleep(1.0)
+        return super().act(observation, info)
+
+
 class Sloppy(Teacher):
     """Leaves out everything after its first OPEN or TOGGLE_ON."""
 
@@ -153,7 +163,7 @@ class Refusing(Teacher):
 
 
 AGENTS = (
-    Teacher, Lazy, Slow, Crashing, Exiting, Killed, Hanging, Sloppy, Untidy, Clumsy, Circling, Refusing,
+    Teacher, Lazy, Slow, Crashing, Exiting, Killed, Hanging, Dawdling, Sloppy, Untidy, Clumsy, Circling, Refusing,
 )  # fmt: skip
 
 for _agent in AGENTS:

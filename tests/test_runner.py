@@ -135,8 +135,12 @@ def test_a_worker_that_is_killed_is_counted_and_replaced(instructions: Path, tmp
 
 
 def test_an_agent_that_hangs_times_out(instructions: Path, tmp_path: Path) -> None:
-    path = run(scheduled(instructions, "hanging", limit=2), tmp_path, timeout_s=8.0)
-    assert outcomes(path) == ["success", "timeout"]
+    path = run(scheduled(instructions, "hanging", "dawdling", limit=1), tmp_path, timeout_s=3.0)
+    by_agent = {record.contestant.agent: record for record in read_records([path]).records.values()}
+    assert {record.outcome for record in by_agent.values()} == {"timeout"}
+    assert "process was ended" in by_agent["hanging"].error
+    assert by_agent["dawdling"].steps
+    assert not by_agent["dawdling"].error
 
 
 def test_results_do_not_depend_on_workers_seeds_order_or_process(instructions: Path, tmp_path: Path) -> None:

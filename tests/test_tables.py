@@ -19,6 +19,7 @@ from eval.records import Benchmark, Contestant, EpisodeKey, EpisodeRecord, Rejec
 from eval.statistics import over_episodes, over_seeds, share_over_seeds, wilson
 from eval.tables import Results, Row, results
 from gavel_agents.base import AgentTrace
+from gavel_env.errors import UnknownAgent
 
 ORACLE = Contestant("oracle", config="c-oracle", privileged=True)
 EPOG = Contestant("epog", understanding="reference", prior="choice", config="c-epog")
@@ -138,6 +139,11 @@ def test_agents_below_half_are_not_matched_unless_asked_for() -> None:
     assert rows(asked)["llm-only"].matched is not None
     data = frame(records)
     assert asked.sections[0].matched == int(data[(data.agent == "llm-only")].solved.sum())
+
+
+def test_an_agent_to_compare_must_be_in_the_records() -> None:
+    with pytest.raises(UnknownAgent, match="did you mean 'oracle'"):
+        results(file(made_up()), compare=["orcale"])
 
 
 def test_order_of_records_does_not_matter() -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -132,7 +134,7 @@ def _eval(arguments: argparse.Namespace) -> int:
         plugins=arguments.plugin,
     )
     out = Path(arguments.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}")
-    with RunProgress() as progress:
+    with RunProgress() as progress, _saying_how_to_resume(out):
         path = run(
             plan,
             out,
@@ -149,6 +151,15 @@ def _eval(arguments: argparse.Namespace) -> int:
     if not arguments.quiet:
         print(f"gavel eval: records in {path}", file=sys.stderr)
     return 0
+
+
+@contextmanager
+def _saying_how_to_resume(out: Path) -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(f"gavel eval: the records so far are in {out}; --out {out} --resume continues", file=sys.stderr)
+        raise
 
 
 def _files(paths: list[str] | None, kind: str | None) -> list[InstructionSet]:
