@@ -88,7 +88,8 @@ def furnish(space: Callable[[bool], RoomSpace], pieces: Sequence[Piece], tight: 
                 return best
             first = sorted({p.key for p in layout.left}) + [k for k in first if k not in {p.key for p in layout.left}]
     assert best is not None
-    return best
+    last = [_attempt(space(tight), pieces, order, False, []) for order in rules().last_orders if best.left]
+    return min([best, *last], key=_loss)
 
 
 def _loss(layout: RoomLayout) -> tuple[int, float]:

@@ -43,6 +43,7 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         hubs: room types that one walks through, first the one that others hang on (generated outlines).
         hangs_on: room type -> room types that its door leads to, best first (generated outlines).
         orders: orders of the floor roles in which a room is furnished, the usual one first.
+        last_orders: orders for rooms that none of these fills.
     """
 
     format: Literal["gavel-layout-rules/1"]
@@ -60,6 +61,7 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     hubs: tuple[str, ...]
     hangs_on: dict[str, tuple[str, ...]]
     orders: tuple[tuple[str, ...], ...]
+    last_orders: tuple[tuple[str, ...], ...]
 
 
 class Piece(NamedTuple):
