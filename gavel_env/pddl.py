@@ -257,8 +257,10 @@ def _releases(s: _Structure) -> Iterator[_Operator]:
             )
 
 
-def _frozen(s: _Structure, objects: Sequence[str]) -> list[str]:
-    return [_fact("frozen", o) for o in objects if s.category(o).freezable]
+def _frozen(s: _Structure, objects: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the facts that freezing the objects adds and deletes: what is frozen is not hot."""
+    able = [o for o in objects if s.category(o).freezable]
+    return [_fact("frozen", o) for o in able], [_fact("hot", o) for o in able]
 
 
 def _placements(s: _Structure) -> Iterator[_Operator]:
@@ -280,11 +282,10 @@ def _placements(s: _Structure) -> Iterator[_Operator]:
             needs = [*needs, _fact("open", y)]
         doorless = s.freezes(y) and not s.category(y).openable
         for case, facts in _cases([*s.doors_within(y), *s.doors_among([held])] if doorless else ()):
-            frozen = (
-                _frozen(s, [*s.treated(y, case, inside_only=True), held, *s.exposed(held, case)]) if doorless else []
-            )
-            action = Action(Primitive.PLACE_INSIDE, y)
-            yield _Operator(action, [*needs, *facts], [_EMPTY, _fact("inside", held, y), *frozen], deletes)
+            chilled = [*s.treated(y, case, inside_only=True), held, *s.exposed(held, case)] if doorless else []
+            frozen, cooled = _frozen(s, chilled)
+            added = [_EMPTY, _fact("inside", held, y), *frozen]
+            yield _Operator(Action(Primitive.PLACE_INSIDE, y), [*needs, *facts], added, deletes + cooled)
 
 
 def _doors(s: _Structure, hand: list[str]) -> Iterator[_Operator]:
@@ -295,18 +296,11 @@ def _doors(s: _Structure, hand: list[str]) -> Iterator[_Operator]:
         needs = [_EXPORTED, _fact("near", y), *s.accessible(y), *hand]
         switched_off = [_fact("toggled", y)] if category.requires_closed else []
         yield _Operator(Action(Primitive.OPEN, y), needs, [_fact("open", y)], [_fact("shut", y), *switched_off])
-        cold = category.cold
-        freezes = cold is not None and not cold.requires_toggled_on and cold.freezes
+        freezes = s.freezes(y)
         for case, facts in _cases(s.doors_within(y) if freezes else ()):
-            frozen = [
-                _fact("frozen", o)
-                for o in (s.treated(y, case, inside_only=True) if freezes else ())
-                if s.category(o).freezable
-            ]
-            cooled = [fact.replace("frozen", "hot", 1) for fact in frozen]
-            yield _Operator(
-                Action(Primitive.CLOSE, y), [*needs, *facts], [_fact("shut", y), *frozen], [_fact("open", y), *cooled]
-            )
+            frozen, cooled = _frozen(s, s.treated(y, case, inside_only=True) if freezes else ())
+            added, gone = [_fact("shut", y), *frozen], [_fact("open", y), *cooled]
+            yield _Operator(Action(Primitive.CLOSE, y), [*needs, *facts], added, gone)
 
 
 def _switches(s: _Structure, hand: list[str]) -> Iterator[_Operator]:

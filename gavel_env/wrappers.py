@@ -55,6 +55,7 @@ class FlatActions(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     Targets are the nodes of the observed graph, then the categories. The masks come from the agent's own world model on
     what was observed: a node is allowed if the preconditions hold there, a category for `NavigateTo` always.
+    Whether a route leads there, or a search will find anything, no mask can say.
 
     `info["action_mask"]`: (9 + targets,) int8, the masks of the two parts one after the other, as MaskablePPO wants
     them (`action_masks()` returns the same as bool). `info["joint_mask"]`: (9, targets) int8, the allowed pairs.

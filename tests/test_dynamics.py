@@ -16,6 +16,7 @@ from gavel_env.actions import Action, Primitive, parse_action
 from gavel_env.dynamics import RULES, Profile, Violation, ViolationKind, apply, first_violation, unsafe, violations
 from gavel_env.goals import parse_goal
 from gavel_env.graph import Flag, Relation, SceneGraph, Support
+from gavel_env.ontology import default_ontology
 
 K = ViolationKind
 HELD_APPLE = {"apple_0": "held"}
@@ -404,6 +405,27 @@ def test_cold_sources_freeze_once_shut_or_at_once_without_a_door() -> None:
     assert not run(graph, "PLACE_ON_TOP(fridge_0)", "CLOSE(fridge_0)").has(Flag.FROZEN, "apple_0")
 
 
+def test_heat_thaws_and_cold_cools() -> None:
+    graph = kitchen({"apple_0": "in microwave_0"}, flags={"frozen": ("apple_0",)})
+    graph = run(graph, "TOGGLE_ON(microwave_0)")
+    assert (graph.has(Flag.HOT, "apple_0"), graph.has(Flag.FROZEN, "apple_0")) == (True, False)
+    graph = run(graph, "OPEN(microwave_0)", "GRASP(apple_0)", "OPEN(fridge_0)", "PLACE_INSIDE(fridge_0)")
+    graph = run(graph, "CLOSE(fridge_0)")
+    assert (graph.has(Flag.HOT, "apple_0"), graph.has(Flag.FROZEN, "apple_0")) == (False, True)
+
+
+def test_dirt_comes_off_by_wiping_and_rinsing() -> None:
+    ontology = default_ontology()
+    wiper = next(c.name for c in ontology.values() if c.wipes and c.graspable)
+    rinser = next(c.name for c in ontology.values() if c.rinses and c.toggleable and c.interior and not c.openable)
+    places = {f"{wiper}_0": "held", f"{rinser}_0": "floor kitchen_0", "bowl_0": f"in {rinser}_0"}
+    graph = kitchen(places, flags={"dirty": ("bowl_0", "countertop_0", "stove_0")})
+    graph = run(graph, "PLACE_ON_TOP(countertop_0)", f"TOGGLE_ON({rinser}_0)")
+    assert graph.flags[Flag.DIRTY] == {"stove_0"}
+    clean_hand = kitchen({"apple_0": "held"}, flags={"dirty": ("countertop_0",)})
+    assert run(clean_hand, "PLACE_ON_TOP(countertop_0)").flags[Flag.DIRTY] == {"countertop_0"}
+
+
 def test_rollout_stops_at_the_first_violation_and_says_the_step() -> None:
     plan = [parse_action(t) for t in ("NAVIGATE_TO(fridge_0)", "GRASP(steak_0)", "RELEASE")]
     end, violation = dynamics.rollout(kitchen(), plan)
@@ -473,7 +495,8 @@ class AnyActions(RuleBasedStateMachine):
     def conferring_only_where_the_ontology_says(self, before: SceneGraph, action: Action) -> None:
         for flag in (Flag.COOKED, Flag.WASHED, Flag.DRIED, Flag.HOT, Flag.FROZEN):
             gained = self.graph.flags[flag] - before.flags[flag]
-            assert not before.flags[flag] - self.graph.flags[flag], "nothing is uncooked, unwashed or undried"
+            lost = before.flags[flag] - self.graph.flags[flag]
+            assert flag in (Flag.HOT, Flag.FROZEN) or not lost, "nothing is uncooked, unwashed or undried"
             if not gained:
                 continue
             category = before.category(action.target or "")
@@ -485,6 +508,7 @@ class AnyActions(RuleBasedStateMachine):
                 Flag.FROZEN: category.cold is not None,
             }[flag]
             assert source
+            assert not self.graph.flags[Flag.HOT] & self.graph.flags[Flag.FROZEN]
             assert action.primitive is (Primitive.CLOSE if flag is Flag.FROZEN else Primitive.TOGGLE_ON)
             able = {Flag.COOKED: "cookable", Flag.HOT: "heatable", Flag.FROZEN: "freezable"}.get(flag)
             for obj in gained:

@@ -92,7 +92,7 @@ def test_masks_have_the_forms_that_are_promised() -> None:
         assert info["action_mask"][9 + target]
 
 
-def test_random_masked_play_is_never_refused() -> None:
+def test_random_masked_play_is_refused_by_geometry_alone() -> None:
     env = FlatActions(make(on_violation="noop", max_nodes=128), categories=["fridge", "apple"])
     _, info = env.reset(seed=3, options={"instruction": "rs_two_apples"})
     rng = np.random.default_rng(0)
@@ -104,7 +104,7 @@ def test_random_masked_play_is_never_refused() -> None:
         choices = pairs[pairs[:, 0] == primitive]
         action = choices[int(rng.integers(len(choices)))]
         *_, terminated, truncated, info = env.step(action)
-        assert info["outcome"] == "ok"
+        assert info["outcome"] in ("ok", "unreachable")
         taken.add(Primitive(primitive))
         if terminated or truncated:
             break

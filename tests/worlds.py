@@ -112,25 +112,26 @@ def random_house_graph(house: str, rng: np.random.Generator, *, pieces: int = 9,
     for flag, able in ((Flag.OPEN, "openable"), (Flag.TOGGLED, "toggleable")):
         able_objects = [o for o, n in graph.world.nodes.items() if getattr(n.category, able)]
         flags[flag] = frozenset(o for o in able_objects if rng.random() < 0.4)
-    flags[Flag.DIRTY] = frozenset(o for o, n in graph.world.nodes.items() if not n.fixed and rng.random() < 0.3)
+    flags[Flag.DIRTY] = frozenset(o for o in graph.world.nodes if rng.random() < 0.3)
     room = sorted(graph.world.rooms)[int(rng.integers(len(graph.world.rooms)))]
     return msgspec.structs.replace(graph, flags=tuple(flags), robot_room=room)
 
 
 def _interest(graph: SceneGraph, obj: str) -> float:
     category = graph.category(obj)
-    confers = category.heat is not None or category.washes or category.dries or category.cold is not None
-    return 0.05 + 2.0 * category.openable + category.toggleable + 4.0 * confers + 0.5 * category.surface
+    confers = category.heat or category.washes or category.dries or category.rinses or category.cold
+    return 0.05 + 2.0 * category.openable + category.toggleable + 4.0 * bool(confers) + 0.5 * category.surface
 
 
 def _pools() -> tuple[list[str], ...]:
-    """Return the kinds of movables worth drawing: food, lidded ones, hollow ones, flat ones, anything."""
+    """Return the kinds of movables worth drawing: food, lidded ones, hollow ones, flat ones, rags, anything."""
     graspable = [c for c in default_ontology().values() if c.graspable]
     return (
         [c.name for c in graspable if c.cookable],
         [c.name for c in graspable if c.openable],
         [c.name for c in graspable if c.interior],
         [c.name for c in graspable if c.surface],
+        [c.name for c in graspable if c.wipes],
         [c.name for c in graspable],
     )
 
