@@ -115,7 +115,7 @@ def generated_outline(scene: str, contents: Sequence[Contents], grown: Mapping[s
         grown: room -> factor on its sides, for rooms whose pieces did not fit before.
     """
     grown = grown or {}
-    extents, notes = {}, []
+    extents, notes = {}, {}
     for room in contents:
         (width, height), note = room_extent(room)
         factor = grown.get(room.room, 1.0)
@@ -124,7 +124,7 @@ def generated_outline(scene: str, contents: Sequence[Contents], grown: Mapping[s
         extents[room.room] = (width, height)
         if note:
             was = " + ".join(f"{x:.1f} x {y:.1f}" for x, y in room.floors_m[:3]) or "nothing"
-            notes.append(f"{room.room} {width:.1f} x {height:.1f} m instead of {was} ({note})")
+            notes[room.room] = f"{room.room} {width:.1f} x {height:.1f} m instead of {was} ({note})"
     plan = _Plan()
     twin = scene.replace("_garden", "_int")
     words = "rectangles of the room extents in bddl 3.6.0 (MIT), packed wall to wall"
@@ -139,8 +139,7 @@ def generated_outline(scene: str, contents: Sequence[Contents], grown: Mapping[s
             continue
         plan.add(name, _best_spot(plan, name, extents[name]))
     source = f"generated: {words}; contents from bddl 3.6.0 (MIT)"
-    if notes:
-        source += "; " + "; ".join(sorted(notes))
+    source += "".join(f"; {notes[name]}" for name in sorted(names) if name in notes)
     rooms = tuple(outline_room(name, plan.polygons[name]) for name in sorted(plan.polygons))
     openings = tuple(sorted(plan.openings, key=lambda o: (o.rooms, o.segment)))
     return Outline(rooms, openings, source)
