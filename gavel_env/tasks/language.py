@@ -359,7 +359,7 @@ def compose(
         separator, last = pick(rng, joins.separators)
         clauses = [w.clause for w in worded]
         text = separator.join(clauses[:-1]) + last + clauses[-1]
-        if opener.endswith("! "):
+        if opener and not opener.endswith(": "):
             text = capitalise(text)
         if not opener and rng.random() < 0.3:
             text = pick(rng, templates.wrappers["shared"]).replace("{c}", text)
