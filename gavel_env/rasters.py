@@ -58,6 +58,10 @@ def rasterise(scene: Scene, cell_m: float) -> Rasters:
     rooms = np.full((height, width), -1, np.int16)
     for i, room in enumerate(scene.rooms):
         kernels.fill_polygon((np.array(room.polygon, dtype=float) - low) / cell_m, i, rooms)
+        for hole in room.holes:
+            pillar = np.full_like(rooms, -1)
+            kernels.fill_polygon((np.array(hole, dtype=float) - low) / cell_m, 0, pillar)
+            rooms[pillar == 0] = -1
     _bridge_openings(scene.openings, index, low, cell_m, rooms)
 
     wall = np.zeros((height, width), np.bool_)
@@ -90,12 +94,13 @@ def _along_opening(points: NDArray[np.float64], opening: Opening) -> NDArray[np.
 
 
 def _wall_points(room: RoomOutline, openings: tuple[Opening, ...]) -> NDArray[np.float64]:
-    """Return (n, 2) points along the room's outline, spaced 2 cm, without the parts that are open."""
-    corners = np.array(room.polygon, dtype=float)
+    """Return (n, 2) points along the room's outline and holes, spaced 2 cm, without the parts that are open."""
     pieces = []
-    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        steps = max(1, math.ceil(float(np.hypot(*(end - start))) / _WALL_SPACING_M))
-        pieces.append(start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (end - start))
+    for ring in (room.polygon, *room.holes):
+        corners = np.array(ring, dtype=float)
+        for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            steps = max(1, math.ceil(float(np.hypot(*(end - start))) / _WALL_SPACING_M))
+            pieces.append(start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (end - start))
     points = np.concatenate(pieces)
     closed = np.ones(len(points), np.bool_)
     for opening in openings:

@@ -250,3 +250,16 @@ def test_robot_config_refuses_impossible_values() -> None:
 def test_unknown_rooms_are_named() -> None:
     with pytest.raises(UnknownObject, match="did you mean 'kitchen_0'"):
         known_layout(flat()).room_distance("kitchen_1", "hall_0")
+
+
+@pytest.mark.parametrize("name", ["Merom_0_int", "Pomaria_1_int"])
+def test_nothing_drives_or_looks_through_a_pillar(name: str) -> None:
+    scene = load_scene(name)
+    floor = known_layout(scene)
+    holes = [hole for room in scene.rooms for hole in room.holes]
+    assert holes
+    for hole in holes:
+        x, y = np.mean(hole, axis=0)
+        row, column = int((y - floor.origin_m[1]) / 0.1), int((x - floor.origin_m[0]) / 0.1)
+        assert floor.opaque[row, column]
+        assert not floor.free[row, column]

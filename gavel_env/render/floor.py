@@ -27,7 +27,7 @@ _PLANK_M, _PLANK_LENGTH_M, _TILE_M, _SMALL_TILE_M, _SLAB_M = 0.17, 1.45, 0.33, 0
 
 def draw_house(canvas: Canvas, scene: Scene) -> None:
     """Draw floors, walls and doorways."""
-    floors = [canvas.mask(room.polygon) for room in scene.rooms]
+    floors = [np.minimum(canvas.mask(room.polygon), 255 - canvas.mask(*room.holes)) for room in scene.rooms]
     for room, mask in zip(scene.rooms, floors, strict=True):
         _draw_floor(canvas, room, mask)
     rooms = np.bitwise_or.reduce(np.stack(floors)) if floors else canvas.mask()
