@@ -57,7 +57,9 @@ class House:
         return names[int(self.rng.integers(len(names)))]
 
     def surface(self, *but: str) -> str:
-        return self.pick(self.pieces(lambda c: c.surface and not c.openable and c.mount == "floor"), but)
+        return self.pick(
+            self.pieces(lambda c: c.surface and not c.openable and not c.toggleable and c.mount == "floor"), but
+        )
 
     def shelf(self, *but: str) -> str:
         return self.pick(self.pieces(lambda c: c.interior and not c.openable), but)

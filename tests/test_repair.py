@@ -9,15 +9,17 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from errands import believed, corrupt, draw_errand, recoverable, shipped_errands
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from worlds import kitchen
 
 from gavel_agents.complaint import complaint
 from gavel_agents.edits import LITERAL_RULES, SAFETY_RULES, VIOLATION_RULES, prune
 from gavel_agents.repair import MOST_EDITS, repair
 from gavel_agents.validation import validate
-from gavel_env.actions import parse_action
+from gavel_env.actions import Action, Primitive, parse_action
 from gavel_env.dynamics import Profile, ViolationKind, rollout, unsafe
-from gavel_env.goals import parse_goal, unmet
+from gavel_env.goals import Designator, Goal, Literal, Predicate, parse_goal, unmet
 from gavel_env.grounding import instruction_graph
 from gavel_env.instructions import read_instructions, shipped
 from gavel_env.scenes import load_scene
@@ -302,6 +304,40 @@ def test_the_number_of_edits_is_bounded():
 def test_repair_without_any_plan_fetches_what_the_goal_wants():
     goal = parse_goal([ON_TABLE, "inside(bowl, fridge)", "open(microwave)", "toggled(floor_lamp)"])
     assert repair(kitchen(near=()), (), goal).verdict.valid
+
+
+# --- plans and goals at random -------------------------------------------------------------------------------------
+
+_OBJECTS = [*sorted(kitchen().world.nodes), "kitchen_0", "living_room_0", "napkin_0"]
+_ACTIONS = st.builds(
+    lambda primitive, target: Action(primitive, target if primitive.takes_target else None),
+    st.sampled_from(list(Primitive)),
+    st.sampled_from(_OBJECTS),
+)
+_NAMES = ("apple", "steak_0", "bowl", "fridge", "oven_0", "washer", "backpack", "textbook", "bookcase@living_room")
+_LITERALS = st.builds(
+    lambda predicate, a, b, negated: Literal(predicate, a, b if predicate.arity == 2 else None, negated),
+    st.sampled_from(list(Predicate)),
+    st.sampled_from(_NAMES).map(Designator.parse),
+    st.sampled_from((*_NAMES, "kitchen")).map(Designator.parse),
+    st.booleans(),
+)
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    st.lists(_ACTIONS, max_size=20).map(tuple),
+    st.lists(_LITERALS, min_size=1, max_size=4).map(lambda literals: Goal(tuple(literals))),
+    st.sampled_from(list(Profile)),
+)
+def test_repair_of_anything_terminates_never_lowers_rk_and_never_errs_on_validity(steps, goal, profile):
+    start = kitchen(near=())
+    repaired = repair(start, steps, goal, profile=profile)
+    end, violation = rollout(start, repaired.plan, profile)
+    assert repaired.verdict.valid == (violation is None and not unmet(goal, end) and not unsafe(start, end, goal))
+    assert repaired.verdict.rank >= repaired.before.rank
+    for edit in repaired.edits:
+        assert edit.plan != steps
 
 
 # --- corrupted reference plans -------------------------------------------------------------------------------------

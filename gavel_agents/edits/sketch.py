@@ -103,10 +103,11 @@ class Sketch:
         return self.take(obj) and self.shut(only_near=True, but=place) and self.put(relation, place) and self.shut()
 
     def set_down(self) -> bool:
-        """Put what is held on a near surface, or on the floor if there is none."""
+        """Put what is held on a near surface that no door can shut away, or on the floor if there is none."""
         graph = self.graph
         for place in sorted(graph.near, key=lambda o: (not graph.world.nodes[o].fixed, o)):
-            if graph.category(place).surface and self.do(Primitive.PLACE_ON_TOP, place):
+            shut_away = any(graph.category(holder).openable for _, holder in graph.holders(place))
+            if graph.category(place).surface and not shut_away and self.do(Primitive.PLACE_ON_TOP, place):
                 return True
         return self.do(Primitive.RELEASE)
 

@@ -157,7 +157,11 @@ def grasp_in_passing(case: Case) -> Iterator[Change]:
         return
     free = case.held_since()
     for obj in (*_wanted_there(case), *_last_approached(case, free)):
-        near = [k for k in range(case.step, free - 1, -1) if obj in case.trace[k].near]
+        # Not before the appliance in which it is has run.
+        holders = {holder for _, holder in case.graph.holders(obj)}
+        runs = [t for t in range(free, case.step) if case.plan[t] in [(Primitive.TOGGLE_ON, h) for h in holders]]
+        first = runs[-1] + 1 if runs else free
+        near = [k for k in range(case.step, first - 1, -1) if obj in case.trace[k].near]
         near.sort(key=lambda k: case.trace[k].closed_container(obj) is not None)
         for k in near[:1]:
             sketch = Sketch(case.trace[k], case.profile)
