@@ -9,7 +9,7 @@ from typing import NamedTuple
 from eval.statistics import Estimate
 from eval.tables import Results, Row, Section
 
-__all__ = ["CHOICES", "UNDEFINED", "Grid", "grids"]
+__all__ = ["CHOICES", "UNDEFINED", "Grid", "grids", "short_spec"]
 
 UNDEFINED = "—"
 _TITLES = {"single": "Single tasks", "multi": "Multi-task instructions", "behavior": "BEHAVIOR activities"}
@@ -91,7 +91,7 @@ def _labels(section: Section) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Return the text columns: the agent with its marks, what differs between rows, and stamps to tell twins apart."""
     varying = [name for name in CHOICES if len({getattr(r.contestant, name) for r in section.rows} - {""}) > 1]
     rows = [
-        (r.contestant.agent + _marks(r), *(_short(getattr(r.contestant, name)) or UNDEFINED for name in varying))
+        (r.contestant.agent + _marks(r), *(short_spec(getattr(r.contestant, name)) or UNDEFINED for name in varying))
         for r in section.rows
     ]
     if len(set(rows)) < len(rows):
@@ -100,7 +100,7 @@ def _labels(section: Section) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     return ("Agent", *(name.capitalize() for name in varying)), list(rows)
 
 
-def _short(spec: str) -> str:
+def short_spec(spec: str) -> str:
     """Return a spec without the folders of the file that it names; names of models keep their slashes."""
     kind, colon, argument = spec.partition(":")
     return f"{kind}:{PurePath(argument).name}" if colon and PurePath(argument).suffix else spec
@@ -132,7 +132,7 @@ def _title(section: Section, results: Results) -> str:
     for choice in CHOICES:
         named = {getattr(row.contestant, choice) for row in section.rows} - {""}
         if len(named) == 1:
-            parts.append(f"{choice} {_short(named.pop())}")
+            parts.append(f"{choice} {short_spec(named.pop())}")
         elif not named and choice == "planner":
             parts.append("no planner")
     parts += [f"{fact} {value}" for fact, value in results.facts]
