@@ -113,17 +113,17 @@ def instruction_graph(scene: Scene, instruction: Instruction, ontology: Ontology
     for text in instruction.initial:
         literal = _initial_literal(text, place)
         found = fitting(graph, literal.subject)
-        state = literal.predicate.flag
+        claimed = literal.predicate.flag
         others = fitting(graph, literal.object) if literal.object and literal.predicate in _BESIDE else ()
-        if not found or literal.negated or (state is None and not others):
+        if not found or literal.negated or (claimed is None and not others):
             raise InstructionError(
                 f"{place}, initial: {text!r} must be a state of a piece of this scene, such as open(fridge_0), "
                 "or say what lies beside or under what, such as next_to(ball_0, sofa_0)"
             )
-        if state is None:
+        if claimed is None:
             next_to.add((min(found[0], others[0]), max(found[0], others[0])))
         else:
-            flags[state] = flags[state] | {found[0]}
+            flags[claimed] = flags[claimed] | {found[0]}
     graph = msgspec.structs.replace(
         graph,
         contents={holder: tuple(sorted(held)) for holder, held in contents.items()},

@@ -1,0 +1,1 @@
+"""BEHAVIOR activities: their definitions, and how they are grounded in scenes and worded."""
