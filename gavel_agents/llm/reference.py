@@ -19,8 +19,8 @@ __all__ = ["ReferencePlans"]
 class ReferencePlans:
     """Answers every prompt with the certified plans of its instruction, written over designators."""
 
-    def __init__(self, source: str) -> None:
-        """Read an instruction file: a shipped name or a path.
+    def __init__(self, source: str | Mapping[str, Instruction]) -> None:
+        """Take instructions by id, or read an instruction file: a shipped name or a path.
 
         Raises:
             UnknownInstruction: no shipped file has this name.
@@ -28,8 +28,11 @@ class ReferencePlans:
         """
         self.name = "reference plans (no model)"
         self.decoding: Mapping[str, str | float | int] = {}
-        path = Path(source) if source.endswith(".jsonl") else shipped(source)
-        self._instructions = read_instructions(path)
+        self._instructions: Mapping[str, Instruction]
+        if isinstance(source, str):
+            self._instructions = read_instructions(Path(source) if source.endswith(".jsonl") else shipped(source))
+        else:
+            self._instructions = source
 
     def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         """Return the reference plans.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
 from gavel_agents.understanding.base import Decomposition, TaskUnderstanding
 from gavel_env.goals import Designator, Literal, parse_literal
@@ -12,7 +12,7 @@ __all__ = ["ReferenceUnderstanding"]
 
 
 class ReferenceUnderstanding:
-    """Answers from the instruction records themselves (goals, and stated relations from `meta["targets"]`)."""
+    """Answers from the instruction records themselves (goals, and objects and relations of `meta["targets"]`)."""
 
     name = "reference"
 
@@ -26,16 +26,17 @@ class ReferenceUnderstanding:
             return Decomposition((), f"unknown_instruction: {text[:80]!r}")
         stated = instruction.meta.get("targets", ())
         tasks = [
-            _task(spec, tuple(stated[index].get("relations", ())) if index < len(stated) else ())
-            for index, spec in enumerate(instruction.tasks)
+            _task(spec, stated[index] if index < len(stated) else {}) for index, spec in enumerate(instruction.tasks)
         ]
         return Decomposition(tuple(tasks))
 
 
-def _task(spec: TaskSpec, relations: tuple[str, ...]) -> TaskUnderstanding:
+def _task(spec: TaskSpec, target: Mapping[str, Sequence[str]]) -> TaskUnderstanding:
     goal = spec.parsed_goal()
-    stated = tuple(parse_literal(text) for text in relations)
-    return TaskUnderstanding(spec.text, designators((*stated, *goal.literals)), stated, goal)
+    stated = tuple(parse_literal(text) for text in target.get("relations", ()))
+    said = map(Designator.parse, target.get("objects", ()))
+    objects = tuple(dict.fromkeys((*said, *designators((*stated, *goal.literals)))))
+    return TaskUnderstanding(spec.text, objects, stated, goal)
 
 
 def designators(literals: Iterable[Literal]) -> tuple[Designator, ...]:
