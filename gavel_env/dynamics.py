@@ -122,7 +122,7 @@ def _near(graph: SceneGraph, x: str) -> Violation | None:
 
 def _graspable(graph: SceneGraph, x: str) -> Violation | None:
     node = graph.world.nodes[x]
-    return None if node.category.graspable and not node.fixed else Violation(ViolationKind.NOT_GRASPABLE, x)
+    return None if node.category.liftable and not node.fixed else Violation(ViolationKind.NOT_GRASPABLE, x)
 
 
 def _hand_free(graph: SceneGraph, x: str) -> Violation | None:

@@ -221,7 +221,7 @@ def _navigations(s: _Structure) -> Iterator[_Operator]:
 
 def _grasps(s: _Structure) -> Iterator[_Operator]:
     for x in s.objects:
-        if s.category(x).graspable and not s.fixed(x):
+        if s.category(x).liftable and not s.fixed(x):
             apart = [_fact("next-to", a, b) for a, b in sorted(s.graph.next_to) if x in (a, b)]
             yield _Operator(
                 Action(Primitive.GRASP, x),

@@ -23,6 +23,7 @@ from gavel_env.graph import Flag, Relation, SceneGraph
 __all__ = [
     "ON_FLOOR",
     "PREDICATES",
+    "WITHIN",
     "And",
     "Asked",
     "Atom",
@@ -41,9 +42,12 @@ __all__ = [
 ]
 
 ON_FLOOR = "on_floor"
-"""on_floor(x, room): x lies on the floor of the room; the one predicate that literals do not have."""
+"""on_floor(x, room): x lies on the floor of the room; literals do not have this predicate."""
 
-PREDICATES: Mapping[str, int] = {p.value: p.arity for p in Predicate} | {ON_FLOOR: 2}
+WITHIN = "within"
+"""within(x, y): x is inside y, or on or in something that is; what BEHAVIOR's `inside` comes to."""
+
+PREDICATES: Mapping[str, int] = {p.value: p.arity for p in Predicate} | {ON_FLOOR: 2, WITHIN: 2}
 """Name of every predicate that an atom can have, and its number of places."""
 
 Bound = Mapping[str, str]
@@ -103,6 +107,9 @@ class Atom(_Condition, frozen=True, tag="atom"):
         args = [bound.get(a, a) for a in self.args]
         if self.predicate == ON_FLOOR:
             return any(_on_floor(graph, obj, args[1]) for obj in fitting(graph, Designator.parse(args[0])))
+        if self.predicate == WITHIN:
+            containers = fitting(graph, Designator.parse(args[1]))
+            return any(_is_within(graph, obj, containers) for obj in fitting(graph, Designator.parse(args[0])))
         return not unmet(Goal((literal_of(self.predicate, args),)), graph)
 
     def asked(self, positive: bool = True, domains: Domains | None = None) -> Iterator[Asked]:
@@ -281,6 +288,10 @@ def _on_floor(graph: SceneGraph, obj: str, room: str) -> bool:
     return room in (support.holder, graph.world.rooms[support.holder].type)
 
 
+def _is_within(graph: SceneGraph, obj: str, containers: tuple[str, ...]) -> bool:
+    return any(relation is Relation.INSIDE and holder in containers for relation, holder in graph.holders(obj))
+
+
 def literal_of(predicate: str, args: list[str] | tuple[str, ...], negated: bool = False) -> Literal:
     """Return an atom without variables as a goal literal."""
     second = Designator.parse(args[1]) if len(args) > 1 else None
@@ -308,7 +319,7 @@ def plain_literals(formula: Formula) -> tuple[Literal, ...] | None:
             found.extend(_renamed(literal, part.variable, member) for member in members for literal in inner)
             continue
         atom, negated = (part.body, True) if isinstance(part, Not) else (part, False)
-        if not isinstance(atom, Atom) or atom.predicate == ON_FLOOR:
+        if not isinstance(atom, Atom) or atom.predicate in (ON_FLOOR, WITHIN):
             return None
         args = [Designator(a) if a.startswith("?") else Designator.parse(a) for a in atom.args]
         found.append(Literal(Predicate(atom.predicate), args[0], args[1] if len(args) > 1 else None, negated))

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
-from envs_data.build.activity_wants import Spot, Wants, choices
+from envs_data.build.activity_wants import Spot, Wants, about_nearness, choices
 from gavel_env.actions import Action, Primitive
 from gavel_env.dynamics import apply, first_violation, rollout, unsafe
 from gavel_env.goals import Goal, unmet
@@ -40,9 +40,7 @@ class _Stuck(Exception):
     """This way cannot be gone on with; the message says why."""
 
 
-def find_plan(
-    start: SceneGraph, condition: Formula, scope: Sequence[str], reachable: Callable[[str], bool]
-) -> Found:
+def find_plan(start: SceneGraph, condition: Formula, scope: Sequence[str], reachable: Callable[[str], bool]) -> Found:
     """Return a plan that meets a condition.
 
     Args:
@@ -52,12 +50,11 @@ def find_plan(
         reachable: whether the robot can get at a piece.
     """
     parking = [o for o in scope if o in start.world.nodes and start.world.nodes[o].fixed and start.category(o).surface]
-    ways = choices(list(conjuncts(condition)), start, parking)
-    if not ways:
-        return Found((), _why_no_way(condition, start))
     goal = Goal(conditions=(condition,))
+    parts = list(conjuncts(condition))
+    orders = [sorted(parts, key=about_nearness), parts, parts[::-1], sorted(parts[::-1], key=about_nearness)]
     why = ""
-    for way in ways:
+    for way in (way for order in orders for way in choices(order, start, parking)):
         try:
             plan = tuple(_Doer(start, way, scope, reachable).run())
         except _Stuck as stuck:
@@ -68,7 +65,7 @@ def find_plan(
             why = why or "the plan found does not meet the goal"
             continue
         return Found(plan)
-    return Found((), why)
+    return Found((), why or _why_no_way(condition, start))
 
 
 def _why_no_way(condition: Formula, start: SceneGraph) -> str:
@@ -77,7 +74,7 @@ def _why_no_way(condition: Formula, start: SceneGraph) -> str:
         if not choices([part], start, ()):
             stuck = [o for atom, positive, domains in part.asked() if positive and len(atom.args) == 2
                      for o in domains.get(atom.args[0], atom.args[:1])
-                     if o in start.world.nodes and not start.category(o).graspable]  # fmt: skip
+                     if o in start.world.nodes and not start.category(o).liftable]  # fmt: skip
             reason = f"{', '.join(dict.fromkeys(stuck))} cannot be lifted" if stuck else "no way to bring it about"
             return f"{reason}: {str(part)[:120]}"
     return "parts of the goal contradict each other for the planner"
@@ -86,9 +83,7 @@ def _why_no_way(condition: Formula, start: SceneGraph) -> str:
 class _Doer:
     """Carries out one way, step by step, on a graph of its own."""
 
-    def __init__(
-        self, start: SceneGraph, way: Wants, scope: Sequence[str], reachable: Callable[[str], bool]
-    ) -> None:
+    def __init__(self, start: SceneGraph, way: Wants, scope: Sequence[str], reachable: Callable[[str], bool]) -> None:
         self.start = self.graph = start
         self.way = way
         self.reachable = reachable
@@ -231,8 +226,13 @@ class _Doer:
         return found
 
     def _movable(self, obj: str) -> bool:
+        """Return whether one hand can put it into an appliance."""
         node = self.graph.world.nodes[obj]
         return node.category.graspable and not node.fixed
+
+    def _loose(self, obj: str) -> bool:
+        node = self.graph.world.nodes[obj]
+        return node.category.liftable and not node.fixed
 
     def _clean(self, objects: Iterable[str]) -> None:
         """Take the dirt off: in a sink, dishwasher or washer what can be carried, with a rag what cannot."""
@@ -255,7 +255,7 @@ class _Doer:
         kind = self.graph.category(obj)
         if not kind.surface:
             raise _Stuck(f"{obj} is dirty; it can be neither carried to water nor wiped (it has no surface)")
-        tools = [t for t in self.tools if t != obj and self.graph.category(t).wipes and self._movable(t)]
+        tools = [t for t in self.tools if t != obj and self.graph.category(t).wipes and self._loose(t)]
         if not tools:
             raise _Stuck(f"{obj} is dirty, and the activity has nothing to wipe it with")
         tool = min(tools, key=lambda t: (self.graph.supports[t].holder != obj, t not in self.todo))

@@ -10,9 +10,12 @@ import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+import msgspec
+
 from gavel_env.graph import Flag, Relation, SceneGraph
 from gavel_env.quantifiers import (
     ON_FLOOR,
+    WITHIN,
     And,
     Atom,
     Exists,
@@ -25,7 +28,7 @@ from gavel_env.quantifiers import (
     Or,
 )
 
-__all__ = ["BEAM", "Spot", "Wants", "choices"]
+__all__ = ["BEAM", "Spot", "Wants", "about_nearness", "choices"]
 
 BEAM = 16
 COMBINATIONS = 120
@@ -75,8 +78,25 @@ def choices(goal: Sequence[Formula], graph: SceneGraph, parking: Sequence[str]) 
     walker = _Walker(graph, parking)
     ways = [Wants({}, {}, frozenset(), 0)]
     for condition in goal:
-        ways = walker.walk(condition, {}, True, ways)
+        ways = walker.walk(_nearness_last(condition), {}, True, ways)
     return ways
+
+
+def _nearness_last(formula: Formula) -> Formula:
+    """Return a condition with the parts of its conjunctions ordered: what is near what is decided last."""
+    if isinstance(formula, And | Or):
+        parts = tuple(map(_nearness_last, formula.parts))
+        if isinstance(formula, And):
+            parts = tuple(sorted(parts, key=about_nearness))
+        return msgspec.structs.replace(formula, parts=parts)
+    if isinstance(formula, Atom | Imply):
+        return formula
+    return msgspec.structs.replace(formula, body=_nearness_last(formula.body))
+
+
+def about_nearness(formula: Formula) -> bool:
+    """Return True if a condition speaks of what is next to or under what."""
+    return any(asked.atom.predicate in ("next_to", "under") for asked in formula.asked())
 
 
 def _best(ways: Iterable[Wants]) -> list[Wants]:
@@ -130,9 +150,7 @@ class _Walker:
 
     def _paired(self, formula: ForPairs, bound: Bound, ways: list[Wants]) -> list[Wants]:
         swap = len(formula.domain) > len(formula.other_domain)
-        few, many = (
-            (formula.other_domain, formula.domain) if swap else (formula.domain, formula.other_domain)
-        )
+        few, many = (formula.other_domain, formula.domain) if swap else (formula.domain, formula.other_domain)
         names = (formula.other_variable, formula.variable) if swap else (formula.variable, formula.other_variable)
         paired: list[tuple[Wants, frozenset[str]]] = [(way, frozenset()) for way in ways]
         for member in few:
@@ -160,6 +178,9 @@ class _Walker:
             if self.graph.category(args[1]).clearance:
                 yield from self._drop_by(*args, way)
         else:
+            if predicate == WITHIN:
+                yield from self._within_then(*args, way)
+                return
             how = {"on_top": "on", "inside": "in", ON_FLOOR: "floor"}[predicate]
             yield from self._at(args[0], Spot(how, args[1]), way)
 
@@ -190,7 +211,7 @@ class _Walker:
 
     def _movable(self, obj: str) -> bool:
         node = self.graph.world.nodes[obj]
-        return node.category.graspable and not node.fixed
+        return node.category.liftable and not node.fixed
 
     def _holds(self, spot: Spot) -> bool:
         if spot.how in ("floor", "beside"):
@@ -217,6 +238,18 @@ class _Walker:
             yield way.at(obj, spot, 0)
         elif self._movable(obj) and self._holds(spot) and not self._within(spot.where, obj, way):
             yield way.at(obj, spot, 2 + self._effort(spot))
+
+    def _within_then(self, obj: str, container: str, way: Wants) -> Iterator[Wants]:
+        """Bring `obj` into a container, or what it is to stand on or be in."""
+        spot, now = way.spots.get(obj), self._now(obj)
+        then = now if spot == _STAY else spot
+        if then is not None:
+            if then.how in ("on", "in"):
+                yield from [way] if then == Spot("in", container) else self._within_then(then.where, container, way)
+            return
+        yield from self._at(obj, Spot("in", container), way)
+        if now is not None and now.how in ("on", "in") and self._movable(now.where):
+            yield from self._within_then(now.where, container, way.at(obj, _STAY, 0))
 
     def _effort(self, spot: Spot) -> int:
         return int(spot.how == "in" and self.graph.category(spot.where).openable)
@@ -288,9 +321,15 @@ class _Walker:
         if not there:
             yield barred
             return
+        found = False
         for piece in self.parking:
             if piece not in (other, obj):
-                yield from self._at(obj, Spot("on", piece), barred)
+                for parked in self._at(obj, Spot("on", piece), barred):
+                    found = True
+                    yield parked
         room = self.graph.room_of(obj)
-        if room is not None and how != "floor":
-            yield from self._at(obj, Spot("floor", room), barred)
+        if found or room is None:
+            return
+        for floor in [room] if how != "floor" else sorted(self.graph.world.rooms):
+            if floor != other:
+                yield from self._at(obj, Spot("floor", floor), barred)

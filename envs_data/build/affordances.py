@@ -8,15 +8,19 @@ that uses the ontology.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from functools import cache
 from typing import NamedTuple
 
+from envs_data.build.activity_definitions import problems
 from envs_data.build.common import Size, activities, ancestors, properties
+from gavel_env.bddl import Node, synset_of
 from gavel_env.ontology import Mount
 
 __all__ = [
     "CONFERS",
     "WATER_SOURCES",
+    "carryable",
     "Holders",
     "clearance",
     "graspable",
@@ -71,6 +75,7 @@ LONGEST_SIDE_M = 0.7
 LONGEST_TOOL_M, TOOL_WIDTH_M, TOOL_KG = 1.6, 0.55, 3.0
 LONGEST_CLOTH_M = 2.5
 HEAVIEST_KG = 8.0
+HEAVIEST_FOR_TWO_ARMS_KG = 20.0
 STANDS_KINDS = (
     "audio_system.n.01", "bin.n.01", "display.n.06", "faucet.n.01", "furniture.n.01", "hamper.n.02",
     "loudspeaker.n.01", "plumbing_fixture.n.01", "projector.n.02", "seat.n.03", "umbrella_rack.n.01",
@@ -200,6 +205,30 @@ def graspable(synset: str, size_m: Size | None, mass_kg: float | None, where: Mo
         return longest <= LONGEST_CLOTH_M
     tool = longest <= LONGEST_TOOL_M and second <= TOOL_WIDTH_M and mass_kg <= TOOL_KG
     return longest <= LONGEST_SIDE_M or tool
+
+
+@cache
+def moved_kinds() -> frozenset[str]:
+    """Return the synsets of which an activity's goal wants an instance on, in, under or next to something."""
+    found: set[str] = set()
+
+    def walk(node: Node, kinds: Mapping[str, str], positive: bool) -> None:
+        kinds = {**kinds, **dict(node.variables)}
+        if positive and node.head in ("ontop", "inside", "under", "nextto"):
+            found.add(kinds.get(node.args[0], synset_of(node.args[0])))
+        for part in node.parts:
+            walk(part, kinds, positive != (node.head == "not"))
+
+    for problem in problems():
+        walk(problem.goal, {}, True)
+    return frozenset(found)
+
+
+def carryable(synset: str, mass_kg: float | None, where: Mount) -> bool:
+    """Return True if activities want such things moved and both arms can carry one."""
+    if mass_kg is None or mass_kg > HEAVIEST_FOR_TWO_ARMS_KG or where in {"structure", "ceiling"}:
+        return False
+    return not (ancestors(synset) - {TOO_GENERAL}).isdisjoint(moved_kinds())
 
 
 def heats_by_kind(synset: str) -> bool:

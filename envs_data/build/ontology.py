@@ -81,6 +81,7 @@ def build_category(name: str, row: CategoryRow) -> Category:
         heatable="heatable" in annotated,
         freezable="freezable" in annotated,
         graspable=graspable,
+        carryable=not graspable and affordances.carryable(synset, row.mass_kg, where),
         safety_critical=bool(safety_why),
         clearance=affordances.clearance(synset, where),
         mount=where,

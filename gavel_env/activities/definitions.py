@@ -49,7 +49,9 @@ class Activity(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
             DataError: its goal is not expressible, so its definition is not shipped.
         """
         if not self.expressible:
-            raise DataError(f"the goal of activity {self.name!r} needs {', '.join(self.needs)}, which graphs do not have")
+            raise DataError(
+                f"the goal of activity {self.name!r} needs {', '.join(self.needs)}, which graphs do not have"
+            )
         return parse_problem(self.bddl, self.name)
 
 

@@ -25,6 +25,7 @@ from gavel_env.instructions import Placement
 from gavel_env.ontology import Ontology, category_of, default_ontology
 from gavel_env.quantifiers import (
     ON_FLOOR,
+    WITHIN,
     And,
     Atom,
     Exists,
@@ -119,6 +120,8 @@ class _Grounder:
         self.movables = movables
         self.dirt = frozenset(activities.dirt)
         self.soiled = frozenset(s for s in self._atoms_of(self.problem.goal) if s in self.dirt) or self.dirt
+        self.kind_of = {obj: synset_of(name) for name, obj in self.scope.items()}
+        self.stacked = self._stacked()
         self.left_out: list[str] = []
 
     def result(self) -> Grounding:
@@ -278,15 +281,35 @@ class _Grounder:
             return Or(each) if node.head == "exists" else And(each)
         written = f"?{variable}".replace(".", "_")
         domain = self._members(synset)
+        self.kind_of[written] = synset
+        if not domain:
+            raise Ungroundable(f"the goal speaks of {synset}, and there is none")
         if rest:
             other, other_synset = rest[0]
             other_written = f"?{other}".replace(".", "_")
+            self.kind_of[other_written] = other_synset
             inner = self._formula(body, {**bound, variable: written, other: other_written})
             return ForPairs(written, domain, other_written, self._members(other_synset), inner)
         inner = self._formula(body, {**bound, variable: written})
         if node.head == "forn":
             return ForN(written, domain, inner, node.count)
         return ForAll(written, domain, inner) if node.head == "forall" else Exists(written, domain, inner)
+
+    def _stacked(self) -> frozenset[str]:
+        """Return the synsets that the goal wants in something and also on or in something else."""
+        holders: dict[str, set[tuple[str, str]]] = {}
+
+        def walk(node: Node, kinds: Mapping[str, str]) -> None:
+            kinds = {**kinds, **dict(node.variables)}
+            if node.head in ("ontop", "inside"):
+                a, b = (kinds.get(arg, synset_of(arg)) for arg in node.args)
+                holders.setdefault(a, set()).add((node.head, b))
+            for part in node.parts:
+                if node.head != "not":
+                    walk(part, kinds)
+
+        walk(self.problem.goal, {})
+        return frozenset(s for s, held in holders.items() if len(held) > 1 and any(how == "inside" for how, _ in held))
 
     def _atom(self, node: Node, bound: Mapping[str, str]) -> Formula:
         name = _ATOMS.get(node.head, node.head)
@@ -306,6 +329,8 @@ class _Grounder:
             if name != "on_top":
                 raise Ungroundable(f"{node}: only things on a floor can be said, not {node.head}")
             return Atom(ON_FLOOR, tuple(args))
+        if name == "inside" and self.kind_of[args[0]] in self.stacked:
+            name = WITHIN
         return Atom(name, tuple(args))
 
 

@@ -65,7 +65,7 @@ ROLES: Mapping[str, Test] = {
     "open": lambda c: c.openable,
     "toggle": lambda c: c.toggleable,
     "clearance": lambda c: c.clearance,
-    "moved": lambda c: c.graspable,
+    "moved": lambda c: c.liftable,
     "cooked": lambda c: c.cookable,
     "hot": lambda c: c.heatable,
     "frozen": lambda c: c.freezable,
