@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import resources
 
 import gavel_agents
 from eval.episodes import EnvironmentSettings
 from eval.records import Contestant
+from eval.rig import ENVIRONMENTS
 from eval.runner import contestant
 from gavel_agents.llm import BadPlannerSpec
 from gavel_agents.methods import METHODS
 from gavel_env.errors import UnknownAgent
 
-__all__ = ["ORDER", "choose", "default_agents", "needs_planner"]
+__all__ = ["ORDER", "choose", "default_agents", "default_planners", "needs_planner"]
 
 ORDER = ("llm-only", "sayplan", "epog", "gavel-basic", "gavel-map", "gavel-static", "gavel-full", "oracle")
 """Rows of a table, as the paper has them."""
@@ -30,6 +32,12 @@ def default_agents(planners: Sequence[str]) -> tuple[str, ...]:
     return tuple(agent for agent in ORDER if planners or not needs_planner(agent))
 
 
+def default_planners(kinds: Sequence[str]) -> tuple[str, ...]:
+    """Return the shipped recordings of real runs, each for the kind of instructions that it is named after."""
+    folder = resources.files("envs_data") / "recordings"
+    return tuple(f"{kind}=replay:{kind}" for kind in kinds if (folder / f"{kind}.jsonl.gz").is_file())
+
+
 def choose(
     agents: Sequence[str],
     settings: EnvironmentSettings,
@@ -39,6 +47,13 @@ def choose(
     prior: str = "choice",
 ) -> tuple[Contestant, ...]:
     """Return the contestants: each agent once per planner, or once if it needs none.
+
+    Args:
+        agents: names.
+        settings: of the environments.
+        planners: specs of language models; `multi=SPEC` is for instructions of that kind alone.
+        understanding: name of the task understanding.
+        prior: name of the location prior.
 
     Raises:
         UnknownAgent: with the nearest names.
@@ -60,6 +75,14 @@ def choose(
                     f"agent {agent!r} asks a language model, and none is given: "
                     f"add --planner scripted:FILE.jsonl, or leave it out of --agents"
                 )
-            for planner in planners or ("",):
-                chosen.append(contestant(agent, settings, planner=planner, understanding=understanding, prior=prior))
+            for kinds, planner in map(_for_kind, planners or ("",)):
+                chosen.append(
+                    contestant(agent, settings, planner=planner, understanding=understanding, prior=prior, kinds=kinds)
+                )
     return tuple(dict.fromkeys(chosen))
+
+
+def _for_kind(planner: str) -> tuple[tuple[str, ...], str]:
+    """Split `multi=SPEC` into the kinds it is for and the spec; a spec alone is for all."""
+    kind, equals, spec = planner.partition("=")
+    return ((kind,), spec) if equals and kind in ENVIRONMENTS else ((), planner)

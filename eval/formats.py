@@ -23,7 +23,9 @@ def _terminal(tables: Sequence[Grid], _: Results, width: int | None = None) -> s
     if width is None and not console.is_terminal:
         console.width = 140
     for grid in tables:
-        console.print(Text(grid.title, style="bold"), soft_wrap=True)
+        console.print(Text(grid.title, style="bold"))
+        if grid.facts:
+            console.print(Text(" · ".join(grid.facts), style="dim"))
         table = Table(box=SIMPLE_HEAD, pad_edge=False)
         for index, name in enumerate(grid.header):
             table.add_column(Text(name), justify="left" if index < grid.labels else "right", overflow="fold")
@@ -31,7 +33,7 @@ def _terminal(tables: Sequence[Grid], _: Results, width: int | None = None) -> s
             table.add_row(*map(Text, row))
         console.print(table)
         for note in grid.notes:
-            console.print(Text(note), soft_wrap=True)
+            console.print(Text(note))
         console.print()
     stream = console.file
     assert isinstance(stream, io.StringIO)
@@ -42,6 +44,8 @@ def _markdown(tables: Sequence[Grid], _: Results) -> str:
     parts: list[str] = []
     for grid in tables:
         lines = [f"**{grid.title}**", ""]
+        if grid.facts:
+            lines += [_md(" · ".join(grid.facts)), ""]
         lines.append("| " + " | ".join(_md(cell) for cell in grid.header) + " |")
         lines.append("|" + "|".join(["---"] * grid.labels + ["--:"] * (len(grid.header) - grid.labels)) + "|")
         lines += ["| " + " | ".join(_md(cell) for cell in row) + " |" for row in grid.rows]
@@ -70,7 +74,7 @@ def _latex(tables: Sequence[Grid], _: Results) -> str:
     parts = ["% needs \\usepackage{booktabs}"]
     for grid in tables:
         align = "l" * grid.labels + "r" * (len(grid.header) - grid.labels)
-        lines = [r"\begin{table}[t]", r"\centering", rf"\caption{{{_tex(grid.title)}}}"]
+        lines = [r"\begin{table}[t]", r"\centering", rf"\caption{{{_tex('. '.join((grid.title, *grid.facts)))}}}"]
         lines += [rf"\begin{{tabular}}{{@{{}}{align}@{{}}}}", r"\toprule"]
         lines += [" & ".join(map(_tex, grid.header)) + r" \\", r"\midrule"]
         lines += [" & ".join(map(_tex, row)) + r" \\" for row in grid.rows]

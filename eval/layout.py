@@ -26,6 +26,7 @@ class Grid(NamedTuple):
 
     Attributes:
         title: its heading.
+        facts: what it was made from: file, stamps, planner, code; nothing for a table that follows another.
         header: column headings; the first `labels` columns are text, the others are numbers.
         labels: how many columns are text.
         rows: cells.
@@ -33,6 +34,7 @@ class Grid(NamedTuple):
     """
 
     title: str
+    facts: tuple[str, ...]
     header: tuple[str, ...]
     labels: int
     rows: tuple[tuple[str, ...], ...]
@@ -117,7 +119,8 @@ def _main(section: Section, results: Results) -> Grid:
     cells = [[column.cell(row) for column in _COLUMNS] for row in section.rows]
     shown = [i for i, column in enumerate(_COLUMNS) if column.name == "N" or any(row[i] != UNDEFINED for row in cells)]
     return Grid(
-        title=_title(section, results),
+        title=_name(section),
+        facts=_facts(section, results),
         header=(*header, *(_COLUMNS[i].name for i in shown)),
         labels=len(header),
         rows=tuple((*label, *(row[i] for i in shown)) for label, row in zip(labels, cells, strict=True)),
@@ -125,9 +128,12 @@ def _main(section: Section, results: Results) -> Grid:
     )
 
 
-def _title(section: Section, results: Results) -> str:
+def _name(section: Section) -> str:
+    return _TITLES.get(section.benchmark.kind, section.benchmark.kind)
+
+
+def _facts(section: Section, results: Results) -> tuple[str, ...]:
     bench = section.benchmark
-    name = _TITLES.get(bench.kind, bench.kind)
     parts = [f"{section.instructions} from {bench.source}", f"stamp {bench.stamp or UNDEFINED}, data {bench.data}"]
     for choice in CHOICES:
         named = {getattr(row.contestant, choice) for row in section.rows} - {""}
@@ -135,8 +141,8 @@ def _title(section: Section, results: Results) -> str:
             parts.append(f"{choice} {short_spec(named.pop())}")
         elif not named and choice == "planner":
             parts.append("no planner")
-    parts += [f"{fact} {value}" for fact, value in results.facts]
-    return f"{name} · " + " · ".join(parts)
+    parts += [f"model {model}" for model in section.models]
+    return (*parts, *(f"{fact} {value}" for fact, value in results.facts))
 
 
 def _section_notes(section: Section) -> list[str]:
@@ -186,5 +192,4 @@ def _failures(section: Section) -> Grid:
         for kind in sorted(totals, key=lambda kind: (-totals[kind], kind))
     ]
     rows.append(("scheduled", *(str(row.scheduled) for row in section.rows)))
-    name = _TITLES.get(section.benchmark.kind, section.benchmark.kind)
-    return Grid(f"{name}: why episodes failed", ("Failure", *names), 1, tuple(rows))
+    return Grid(f"{_name(section)}: why episodes failed", (), ("Failure", *names), 1, tuple(rows))

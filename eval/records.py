@@ -85,6 +85,7 @@ class Contestant(msgspec.Struct, frozen=True, omit_defaults=True):
         prior: name of the location prior.
         config: stamp of the above, of the files they name, and of the environment's settings.
         privileged: sees the hidden state.
+        kinds: kinds of instructions that it is run on; empty = all.
     """
 
     agent: str
@@ -93,6 +94,11 @@ class Contestant(msgspec.Struct, frozen=True, omit_defaults=True):
     prior: str = ""
     config: str = ""
     privileged: bool = False
+    kinds: tuple[str, ...] = ()
+
+    def takes(self, kind: str) -> bool:
+        """Return whether it is run on instructions of this kind."""
+        return not self.kinds or kind in self.kinds
 
     @property
     def planner_kind(self) -> str:
@@ -140,7 +146,7 @@ class RunHeader(msgspec.Struct, frozen=True, tag_field="schema", tag="gavel-run/
         versions: of this project, Python and the packages that results can depend on.
         code: git commit (with `+` if files were changed), or the version of the installed package.
         arguments: of the command line or of `run`.
-        contestants, benchmarks, seeds: the schedule is their product.
+        contestants, benchmarks, seeds: the schedule is their product, as far as contestants take a kind.
         environment: settings of the environment and of the runner's limits.
     """
 
@@ -159,6 +165,7 @@ class RunHeader(msgspec.Struct, frozen=True, tag_field="schema", tag="gavel-run/
             EpisodeKey(benchmark.data, contestant.config, instruction, seed)
             for benchmark in self.benchmarks
             for contestant in self.contestants
+            if contestant.takes(benchmark.kind)
             for seed in self.seeds
             for instruction in benchmark.scheduled
         ]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from importlib import resources
 from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
@@ -70,6 +71,7 @@ class Schedule(msgspec.Struct, frozen=True):
             for seed in self.seeds
             for instruction_id in benchmark.scheduled
             for one in self.contestants
+            if one.takes(benchmark.kind)
         ]
 
     def _episode(self, benchmark: Benchmark, one: Contestant, instruction_id: str, seed: int, code: str) -> Episode:
@@ -93,12 +95,24 @@ def contestant(
     understanding: str = "",
     prior: str = "",
     privileged: bool = False,
+    kinds: Sequence[str] = (),
 ) -> Contestant:
     """Return a contestant with its stamp: of the names, of the content of files that they name, and of the settings."""
-    named = (spec.partition(":")[2] for spec in (planner, understanding, prior))
-    contents = [file_stamp(name) for name in named if name]
+    contents = [file_stamp(file) for spec in (planner, understanding, prior) if (file := _named_file(spec))]
     config = stamp(agent, planner, understanding, prior, contents, settings)
-    return Contestant(agent, planner, understanding, prior, config, privileged)
+    return Contestant(agent, planner, understanding, prior, config, privileged, tuple(kinds))
+
+
+_SHIPPED = {"replay": "recordings/{}.jsonl.gz", "reference": "instructions/{}.jsonl"}
+
+
+def _named_file(spec: str) -> Path | None:
+    """Return the file that a spec names by path or as a shipped one, or None."""
+    kind, _, name = spec.partition(":")
+    if not name or Path(name).exists():
+        return Path(name) if name else None
+    shipped = resources.files("envs_data") / _SHIPPED.get(kind, "{}").format(name)
+    return Path(str(shipped)) if shipped.is_file() else None
 
 
 def schedule(
@@ -107,6 +121,7 @@ def schedule(
     seeds: Sequence[int] = (0,),
     *,
     kinds: Sequence[str] = (),
+    every: int = 1,
     limit: int | None = None,
     settings: EnvironmentSettings | None = None,
     plugins: Sequence[str] = (),
@@ -118,7 +133,8 @@ def schedule(
         files: instruction files.
         seeds: one episode per seed.
         kinds: keep only instructions of these kinds; default all.
-        limit: keep only the first so many instructions of each kind and file.
+        every: keep only every so many-th instruction of each kind and file, the first included.
+        limit: keep only the first so many of those.
         settings: of the environments.
         plugins: modules whose import registers agents.
 
@@ -135,7 +151,7 @@ def schedule(
                 of_kind.setdefault(instruction.kind, []).append(instruction)
         usual = Counter({kind: len(found) for kind, found in of_kind.items()}).most_common(1)
         for kind, found in of_kind.items():
-            kept = found if limit is None else found[:limit]
+            kept = found[::every][:limit]
             # A line that could not be read has no kind of its own: it counts under the file's most frequent one.
             rejected = file.rejected if kind == usual[0][0] else ()
             benchmarks.append(

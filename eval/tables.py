@@ -53,6 +53,7 @@ class Section(NamedTuple):
         benchmark: kind, file and stamps.
         instructions: number scheduled, rejected lines included.
         seeds: in order.
+        models: names that language models gave themselves, sorted.
         rows: in the order in which contestants were first scheduled.
         compared: positions in `rows` of those whose metres are matched.
         matched: number of (instruction, seed) pairs that all compared contestants solved.
@@ -61,6 +62,7 @@ class Section(NamedTuple):
     benchmark: Benchmark
     instructions: int
     seeds: tuple[int, ...]
+    models: tuple[str, ...]
     rows: tuple[Row, ...]
     compared: tuple[int, ...]
     matched: int
@@ -134,6 +136,8 @@ def _gather(files: RecordFile) -> list[_Scheduled]:
         for benchmark in header.benchmarks:
             scheduled = found.setdefault((benchmark.data, benchmark.kind), _Scheduled(benchmark))
             for one in header.contestants:
+                if not one.takes(benchmark.kind):
+                    continue
                 keys = [EpisodeKey(benchmark.data, one.config, i, s) for s in header.seeds for i in benchmark.scheduled]
                 scheduled.add(one, keys)
     for record in files.records.values():
@@ -177,6 +181,7 @@ def _section(
         benchmark=scheduled.benchmark,
         instructions=len({key.instruction for key in everything}),
         seeds=tuple(sorted({key.seed for key in everything})),
+        models=tuple(sorted({records[key].model for key in everything if key in records} - {""})),
         rows=tuple(rows),
         compared=tuple(i for i, config in enumerate(scheduled.keys) if config in compared),
         matched=sum(map(len, common.values())),

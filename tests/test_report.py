@@ -83,6 +83,7 @@ def test_the_tables_are_the_tables() -> None:
     expected = grids(results(files), failures=True)
     assert [tuple(map(tuple, grid["rows"])) for grid in data["tables"]] == [grid.rows for grid in expected]
     assert [grid["title"] for grid in data["tables"]] == [grid.title for grid in expected]
+    assert [tuple(grid["facts"]) for grid in data["tables"]] == [grid.facts for grid in expected]
 
 
 def test_every_episode_can_be_replayed_where_its_scene_is_shipped() -> None:

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eval.contestants import choose
+from eval.contestants import choose, default_planners
 from eval.episodes import EnvironmentSettings, simplified
 from eval.formats import to_csv
 from eval.journal import read_records
@@ -249,8 +249,17 @@ def test_limit_and_kind_choose_instructions(instructions: Path) -> None:
     file = read_instructions(instructions)
     who = [contestant("teacher", SETTINGS)]
     assert schedule(who, [file], limit=2).benchmarks[0].instructions == tuple(file)[:2]
+    assert schedule(who, [file], every=3).benchmarks[0].instructions == tuple(file)[::3]
     with pytest.raises(DataError, match="multi"):
         schedule(who, [file], kinds=("multi",))
+
+
+def test_a_planner_can_be_for_one_kind() -> None:
+    one, other, epog = choose(["llm-only", "epog"], SETTINGS, planners=["multi=reference:multi", "reference:single"])
+    assert (one.planner, one.kinds) == ("reference:multi", ("multi",))
+    assert (other.planner, other.kinds) == ("reference:single", ())
+    assert epog.planner == ""
+    assert default_planners(("no such kind",)) == ()
 
 
 def test_unknown_agents_and_missing_planners_are_said_before_anything_runs(instructions: Path, tmp_path: Path) -> None:

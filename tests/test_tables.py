@@ -7,6 +7,7 @@ import io
 import itertools
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pandas as pd
 import pytest
@@ -144,6 +145,20 @@ def test_agents_below_half_are_not_matched_unless_asked_for() -> None:
 def test_an_agent_to_compare_must_be_in_the_records() -> None:
     with pytest.raises(UnknownAgent, match="did you mean 'oracle'"):
         results(file(made_up()), compare=["orcale"])
+
+
+def test_a_planner_for_one_kind_is_scheduled_for_that_kind_alone() -> None:
+    only = msgspec.structs.replace(FULL, kinds=("single",))
+    both = header((EPOG, only), (benchmark(), benchmark(kind="single")), (0,))
+    assert len(both.keys()) == 3 * len(IDS)
+    found = results(file([], both))
+    assert [[row.contestant.agent for row in s.rows] for s in found.sections] == [["epog"], ["epog", "gavel-full"]]
+
+
+def test_the_names_of_models_are_in_the_header() -> None:
+    records = [record(FULL, name, 0, model="some-8b") for name in IDS]
+    [grid] = grids(results(file(records, header((FULL,), seeds=(0,)))))
+    assert "model some-8b" in grid.facts
 
 
 def test_order_of_records_does_not_matter() -> None:

@@ -26,13 +26,12 @@ function showTables() {
   document.title = data.title;
   byId("title").textContent = data.title;
   for (const grid of data.tables) {
-    const [name, ...facts] = grid.title.split(" · ");
     const table = make("table");
     const cell = (tag) => (text, i) => make(tag, { class: i < grid.labels ? "text" : "" }, text);
     table.append(make("thead", {}, make("tr", {}, ...grid.header.map(cell("th")))));
     table.append(make("tbody", {}, ...grid.rows.map((row) => make("tr", {}, ...row.map(cell("td"))))));
-    byId("tables").append(make("h2", {}, name));
-    if (facts.length) byId("tables").append(make("p", { class: "facts" }, facts.join(" · ")));
+    byId("tables").append(make("h2", {}, grid.title));
+    if (grid.facts.length) byId("tables").append(make("p", { class: "facts" }, grid.facts.join(" · ")));
     byId("tables").append(make("div", { class: "scroll" }, table));
     for (const note of grid.notes) byId("tables").append(make("p", { class: "note" }, note));
   }

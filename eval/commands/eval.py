@@ -44,14 +44,15 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="SPEC",
-        help="language model, such as scripted:FILE.jsonl; repeatable",
+        help="language model, such as scripted:FILE.jsonl, or multi=SPEC for one kind; repeatable",
     )
     what.add_argument("--understanding", default="reference", metavar="NAME", help="default: reference")
     what.add_argument(
         "--prior", default="choice", metavar="NAME", help="location prior: choice (default), rsn or uniform"
     )
     what.add_argument("--seeds", type=_seeds, default=(0,), metavar="0,1", help="default: 0")
-    what.add_argument("--limit", type=_positive, metavar="N", help="only the first N instructions of each kind")
+    what.add_argument("--every", type=_positive, default=1, metavar="K", help="only every K-th of each kind")
+    what.add_argument("--limit", type=_positive, metavar="N", help="only the first N of them")
     what.add_argument("--profile", choices=("paper", "omnigibson"), default="paper", help="rules profile")
     what.add_argument(
         "--plugin", action="append", default=[], metavar="MODULE", help="module that registers agents; repeatable"
@@ -104,7 +105,7 @@ def _positive(text: str) -> int:
 
 
 def _eval(arguments: argparse.Namespace) -> int:
-    from eval.contestants import choose, default_agents
+    from eval.contestants import choose, default_agents, default_planners
     from eval.episodes import EnvironmentSettings
     from eval.formats import render
     from eval.journal import read_records
@@ -115,20 +116,21 @@ def _eval(arguments: argparse.Namespace) -> int:
 
     import_plugins(arguments.plugin)
     settings = EnvironmentSettings(profile=arguments.profile, max_steps=arguments.max_steps)
-    agents = arguments.agents or default_agents(arguments.planner)
+    kind = arguments.kind or ("both" if arguments.instructions is None else None)
+    planners = arguments.planner or (default_planners(_KINDS[kind]) if arguments.instructions is None and kind else ())
     contestants = choose(
-        agents,
+        arguments.agents or default_agents(planners),
         settings,
-        planners=arguments.planner,
+        planners=planners,
         understanding=arguments.understanding,
         prior=arguments.prior,
     )
-    kind = arguments.kind or ("both" if arguments.instructions is None else None)
     plan = schedule(
         contestants,
         _files(arguments.instructions, kind),
         arguments.seeds,
         kinds=_KINDS[kind] if kind else (),
+        every=arguments.every,
         limit=arguments.limit,
         settings=settings,
         plugins=arguments.plugin,
