@@ -92,10 +92,12 @@ AFFORDANCES = (
     "requires_closed",
     "surface",
     "interior",
-    "graspable",
+    "liftable",
     "cookable",
     "washes",
     "dries",
+    "rinses",
+    "wipes",
     "safety_critical",
     "clearance",
 )
