@@ -139,6 +139,13 @@ CASES = [
     RuleCase("deliver_instead", CARRY.replace(TABLE, "floor_lamp_0"), ON_TABLE),
     RuleCase("deliver_instead", CARRY.replace(f"PLACE_ON_TOP({TABLE})", "PLACE_ON_TOP(apple_0)"), ON_TABLE),
     RuleCase(
+        "place_elsewhere",
+        CARRY.replace(TABLE, "napkin_0"),
+        ON_TABLE,
+        edit="step 3: unknown_object(napkin_0) -> replace NAVIGATE_TO(napkin_0) PLACE_ON_TOP(napkin_0) "
+        "by NAVIGATE_TO(breakfast_table_0) PLACE_ON_TOP(breakfast_table_0)",
+    ),
+    RuleCase(
         "release_in_room",
         f"NAVIGATE_TO(apple_0) GRASP(apple_0) NAVIGATE_TO({SHELF}) PLACE_ON_TOP(living_room_0)",
         "in_room(apple, living_room)",

@@ -121,10 +121,12 @@ def insert(plan: Plan, at: int, steps: Iterable[Action]) -> Change:
     return Change((*plan[:at], *steps, *plan[at:]), f"{where} {text}")
 
 
-def replace(plan: Plan, at: int, steps: Iterable[Action]) -> Change:
-    """Return the plan with the step at index `at` replaced."""
+def replace(plan: Plan, at: int, steps: Iterable[Action], until: int | None = None) -> Change:
+    """Return the plan with the step at index `at` (or those up to `until`, exclusive) replaced."""
     steps = tuple(steps)
-    return Change((*plan[:at], *steps, *plan[at + 1 :]), f"replace {plan[at]} by {' '.join(map(str, steps))}")
+    until = at + 1 if until is None else until
+    text = f"replace {' '.join(map(str, plan[at:until]))} by {' '.join(map(str, steps))}"
+    return Change((*plan[:at], *steps, *plan[until:]), text)
 
 
 def drop(plan: Plan, indices: Iterable[int]) -> Change:

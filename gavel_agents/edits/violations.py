@@ -239,6 +239,21 @@ def deliver_instead(case: Case) -> Iterator[Change]:
             yield replace(case.plan, case.step, sketch.steps)
 
 
+def place_elsewhere(case: Case) -> Iterator[Change]:
+    """Unknown place for the held object: put it where the goal wants it; what was meant need not be known."""
+    held = case.graph.holding
+    last = case.step
+    while last < len(case.plan) and case.plan[last].primitive in (Primitive.NAVIGATE_TO, *DOORS):
+        last += 1
+    steps = case.plan[case.step : last + 1]
+    if held is None or steps[-1].primitive not in PLACES or any(action.target != case.target for action in steps):
+        return
+    for errand in errands(case, case.graph, held):
+        sketch = Sketch(case.graph, case.profile)
+        if sketch.put(errand.relation, errand.place) and sketch.shut():
+            yield replace(case.plan, case.step, sketch.steps, last + 1)
+
+
 def release_in_room(case: Case) -> Iterator[Change]:
     """Placement on a room in which the goal wants the held object: set it on the floor there."""
     held = case.graph.holding
@@ -295,8 +310,8 @@ VIOLATION_RULES: Mapping[ViolationKind, tuple[Rule, ...]] = {
     ViolationKind.NO_DOOR: (drop_doors,),
     ViolationKind.NO_SWITCH: (drop_switches,),
     # Which object was meant, and where it is after all, is for the model to say.
-    ViolationKind.UNKNOWN_OBJECT: (),
+    ViolationKind.UNKNOWN_OBJECT: (place_elsewhere,),
     ViolationKind.NOT_FOUND: (),
     ViolationKind.UNREACHABLE: (),
 }
-"""Violation kind -> edit rules in order of preference. A kind without rules is left to the model."""
+"""Violation kind -> edit rules in order of preference. A kind whose rules do not apply is left to the model."""
