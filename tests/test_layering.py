@@ -1,0 +1,52 @@
+"""Who may import whom: gavel_env <- gavel_agents <- eval, and agents see observations only."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+HIDDEN_WORLD = {"env", "episode", "executor", "sensor", "robot", "places", "search", "camera", "sources"}
+HEAVY = {"torch", "transformers", "sentence_transformers", "openai", "anthropic", "xllamacpp", "pandas", "matplotlib"}
+# The oracle is the declared exception; `verify` checks a plan against a whole scene, and drives nothing.
+EXCEPTIONS = {"gavel_agents/oracle.py": {"episode"}}
+
+
+def modules(package: str) -> list[Path]:
+    return sorted((ROOT / package).rglob("*.py"))
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Yield every imported module, also those imported inside functions."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+@pytest.mark.parametrize("path", modules("gavel_env"), ids=lambda p: str(p.relative_to(ROOT)))
+def test_the_environments_know_no_agent_and_no_model(path: Path) -> None:
+    roots = {name.split(".")[0] for name in imports(path)}
+    assert not roots & ({"gavel_agents", "eval"} | HEAVY)
+
+
+@pytest.mark.parametrize("path", modules("gavel_agents"), ids=lambda p: str(p.relative_to(ROOT)))
+def test_agents_reach_no_hidden_world(path: Path) -> None:
+    allowed = EXCEPTIONS.get(str(path.relative_to(ROOT)), set())
+    names = {name.split(".")[1] for name in imports(path) if name.startswith("gavel_env.")}
+    assert not names & (HIDDEN_WORLD - allowed)
+    assert "eval" not in {name.split(".")[0] for name in imports(path)}
+
+
+def test_only_the_verifier_of_anyones_plans_reads_whole_scenes() -> None:
+    readers = {
+        str(path.relative_to(ROOT))
+        for path in modules("gavel_agents")
+        if {"gavel_env.scenes", "gavel_env.grounding"} & set(imports(path))
+    }
+    assert readers == {"gavel_agents/verification.py"}
