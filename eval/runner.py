@@ -26,6 +26,7 @@ from eval.records import (
     RejectedLine,
     RunHeader,
 )
+from eval.sampling import sample
 from eval.workers import run_episodes
 from gavel_env.errors import DataError
 from gavel_env.instructions import Instruction, InstructionSet
@@ -121,7 +122,7 @@ def schedule(
     seeds: Sequence[int] = (0,),
     *,
     kinds: Sequence[str] = (),
-    every: int = 1,
+    sampled: int | None = None,
     limit: int | None = None,
     settings: EnvironmentSettings | None = None,
     plugins: Sequence[str] = (),
@@ -133,7 +134,7 @@ def schedule(
         files: instruction files.
         seeds: one episode per seed.
         kinds: keep only instructions of these kinds; default all.
-        every: keep only every so many-th instruction of each kind and file, the first included.
+        sampled: keep only so many of each kind and file, as `eval.sampling` takes them.
         limit: keep only the first so many of those.
         settings: of the environments.
         plugins: modules whose import registers agents.
@@ -151,7 +152,8 @@ def schedule(
                 of_kind.setdefault(instruction.kind, []).append(instruction)
         usual = Counter({kind: len(found) for kind, found in of_kind.items()}).most_common(1)
         for kind, found in of_kind.items():
-            kept = found[::every][:limit]
+            ids = [i.id for i in found] if sampled is None else sample((i.id for i in found), sampled)
+            kept = [file[name] for name in ids[:limit]]
             # A line that could not be read has no kind of its own: it counts under the file's most frequent one.
             rejected = file.rejected if kind == usual[0][0] else ()
             benchmarks.append(

@@ -249,7 +249,11 @@ def test_limit_and_kind_choose_instructions(instructions: Path) -> None:
     file = read_instructions(instructions)
     who = [contestant("teacher", SETTINGS)]
     assert schedule(who, [file], limit=2).benchmarks[0].instructions == tuple(file)[:2]
-    assert schedule(who, [file], every=3).benchmarks[0].instructions == tuple(file)[::3]
+    drawn = schedule(who, [file], sampled=4).benchmarks[0].instructions
+    assert len(drawn) == 4
+    assert drawn == tuple(name for name in file if name in drawn)
+    assert set(schedule(who, [file], sampled=2).benchmarks[0].instructions) < set(drawn)
+    assert schedule(who, [file], sampled=99).benchmarks[0].instructions == tuple(file)
     with pytest.raises(DataError, match="multi"):
         schedule(who, [file], kinds=("multi",))
 

@@ -51,7 +51,7 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
         "--prior", default="choice", metavar="NAME", help="location prior: choice (default), rsn or uniform"
     )
     what.add_argument("--seeds", type=_seeds, default=(0,), metavar="0,1", help="default: 0")
-    what.add_argument("--every", type=_positive, default=1, metavar="K", help="only every K-th of each kind")
+    what.add_argument("--sample", type=_positive, metavar="N", help="only N of each kind, drawn by the hash of the id")
     what.add_argument("--limit", type=_positive, metavar="N", help="only the first N of them")
     what.add_argument("--profile", choices=("paper", "omnigibson"), default="paper", help="rules profile")
     what.add_argument(
@@ -130,7 +130,7 @@ def _eval(arguments: argparse.Namespace) -> int:
         _files(arguments.instructions, kind),
         arguments.seeds,
         kinds=_KINDS[kind] if kind else (),
-        every=arguments.every,
+        sampled=arguments.sample,
         limit=arguments.limit,
         settings=settings,
         plugins=arguments.plugin,
