@@ -19,9 +19,9 @@ from eval.records import Contestant, EpisodeRecord, Step
 from eval.scrub import describe_error, scrub
 from gavel_agents.base import Agent, AgentTrace, Privileged
 from gavel_agents.llm import ChatModel, load_model
-from gavel_agents.understanding import ReferenceUnderstanding, Understanding
+from gavel_agents.understanding import UNDERSTANDINGS, UnknownUnderstanding, load_understanding
 from gavel_env.dynamics import Profile
-from gavel_env.errors import GavelError, nearest_names
+from gavel_env.errors import GavelError
 from gavel_env.goals import unmet
 from gavel_env.instructions import Instruction
 
@@ -37,15 +37,10 @@ __all__ = [
     "import_plugins",
 ]
 
-UNDERSTANDINGS = ("reference",)
 
 
 class BadPlugin(GavelError):
     """A module that should register agents cannot be imported."""
-
-
-class UnknownUnderstanding(GavelError):
-    """No task understanding of this name is there."""
 
 
 def import_plugins(plugins: Sequence[str]) -> None:
@@ -130,7 +125,8 @@ class Rig:
         Raises:
             GavelError: the contestant's agent, planner, understanding or prior is not known or not usable.
         """
-        understanding = _understanding(contestant.understanding, instruction) if contestant.understanding else None
+        name = contestant.understanding
+        understanding = load_understanding(name, [instruction]) if name else None
         return gavel_agents.make(
             contestant.agent,
             understanding=understanding,
@@ -225,15 +221,3 @@ class Rig:
             tasks_met=tuple(not unmet(task.parsed_goal(), hidden) for task in instruction.tasks),
             **fields,
         )
-
-
-def _understanding(name: str, instruction: Instruction) -> Understanding:
-    """Return an understanding by name.
-
-    Raises:
-        UnknownUnderstanding: with the alternatives.
-    """
-    if name == "reference":
-        return ReferenceUnderstanding([instruction])
-    near = nearest_names(name, UNDERSTANDINGS) or UNDERSTANDINGS
-    raise UnknownUnderstanding(f"unknown understanding {name!r}; known: {', '.join(near)}")

@@ -5,5 +5,16 @@ Every method of the comparison shares the same implementation, so that what is c
 
 from gavel_agents.understanding.base import Decomposition, TaskUnderstanding, Understanding
 from gavel_agents.understanding.reference import ReferenceUnderstanding
+from gavel_agents.understanding.rules import RulesUnderstanding
+from gavel_agents.understanding.table import UNDERSTANDINGS, UnknownUnderstanding, load_understanding
 
-__all__ = ["Decomposition", "ReferenceUnderstanding", "TaskUnderstanding", "Understanding"]
+__all__ = [
+    "UNDERSTANDINGS",
+    "Decomposition",
+    "ReferenceUnderstanding",
+    "RulesUnderstanding",
+    "TaskUnderstanding",
+    "Understanding",
+    "UnknownUnderstanding",
+    "load_understanding",
+]

@@ -1,0 +1,91 @@
+"""`gavel eval understanding`: exact match and F1 of what an understanding makes of instructions."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import TYPE_CHECKING, Any
+
+from eval.families import family
+
+if TYPE_CHECKING:
+    from eval.understanding import Report
+
+__all__ = ["register"]
+
+_FILES = ("validation", "single", "multi")
+
+
+def register(subparsers: Any) -> None:
+    """Add `gavel eval understanding`."""
+    command = family(subparsers, "eval").add_parser(
+        "understanding", help="score task understanding: objects, relations, goals, decomposition"
+    )
+    command.add_argument("--understanding", default="rules", metavar="NAME", help="default: rules")
+    command.add_argument(
+        "--instructions",
+        action="append",
+        metavar="FILE|NAME",
+        help=f"instruction file or file of pairs, shipped or a path; repeatable (default: {', '.join(_FILES)})",
+    )
+    command.add_argument("--limit", type=int, metavar="N", help="only the first N of each file")
+    command.add_argument("--mistakes", type=int, default=0, metavar="N", help="show the first N that are not exact")
+    command.add_argument("--json", action="store_true", help="print the scores as JSON")
+    command.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from eval.understanding import evaluate, read_samples
+    from gavel_agents.understanding import load_understanding
+    from gavel_env.instructions import read_instructions, shipped
+
+    names: list[str] = arguments.instructions or list(_FILES)
+    reports: dict[str, Report] = {}
+    for name in names:
+        instructions: Any = ()
+        if arguments.understanding == "reference":
+            instructions = read_instructions(name if name.endswith(".jsonl") else shipped(name)).values()
+        understanding = load_understanding(arguments.understanding, instructions)
+        reports[name] = evaluate(understanding, read_samples(name)[: arguments.limit])
+    if arguments.json:
+        print(json.dumps({name: _plain(report) for name, report in reports.items()}, indent=1))
+    else:
+        _print(arguments.understanding, reports, arguments.mistakes)
+    return 0
+
+
+def _plain(report: Report) -> dict[str, Any]:
+    parts = {name: part._asdict() | {"f1": part.f1} for name, part in report.parts.items()}
+    return {"instructions": report.instructions, "exact": report.exact, "parts": parts, "refused": report.refused}
+
+
+def _print(name: str, reports: dict[str, Report], mistakes: int) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    for file, report in reports.items():
+        table = Table(title=f"Understanding {name!r} on {file} ({report.instructions} instructions)")
+        table.add_column("part")
+        table.add_column("exact", justify="right")
+        table.add_column("exact %", justify="right")
+        table.add_column("F1", justify="right")
+        for part, score in report.parts.items():
+            f1 = "—" if score.f1 is None else f"{score.f1:.4f}"
+            table.add_row(part, str(score.exact), _percent(score.exact, report.instructions), f1)
+        table.add_row(
+            "objects, relations and goals", str(report.exact), _percent(report.exact, report.instructions), ""
+        )
+        console.print(table)
+        if report.refused:
+            console.print("refused: " + ", ".join(f"{why} {n}" for why, n in sorted(report.refused.items())))
+        for sample, got in report.mistakes[:mistakes]:
+            console.print(f"[bold]{sample.id}[/bold] {sample.text}", highlight=False)
+            console.print("  meant: " + " | ".join(str((*t.relations, "->", *t.goal)) for t in sample.tasks))
+            console.print(
+                "  read:  " + (got.refused or " | ".join(str((*t.relations, "->", *t.goal.text())) for t in got.tasks))
+            )
+
+
+def _percent(part: int, whole: int) -> str:
+    return f"{100 * part / whole:.1f}" if whole else "—"

@@ -1,0 +1,174 @@
+"""What an instruction has said so far: what pronouns stand for, where things are, where they shall be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from gavel_agents.understanding.rules.frames import Element, Entity, Frame, Phrase, Pronoun, Room, There
+from gavel_agents.understanding.rules.lexer import Abstention
+from gavel_agents.understanding.rules.places import Relation, destination, stated_location
+from gavel_env.goals import Designator, Literal
+
+__all__ = ["Act", "Discourse", "designator_of", "said"]
+
+
+@dataclass
+class Act:
+    """What one frame contributes.
+
+    Attributes:
+        frame: what was said.
+        things: what it acts on, in order.
+        mentions: every noun phrase in it.
+        goals, relations: literals.
+    """
+
+    frame: Frame
+    things: list[Entity] = field(default_factory=list)
+    mentions: list[Entity] = field(default_factory=list)
+    goals: list[Literal] = field(default_factory=list)
+    relations: list[Literal] = field(default_factory=list)
+
+
+@dataclass
+class Discourse:
+    """The state that frames are read in.
+
+    Attributes:
+        focus: the things spoken of last: `it`, `them`.
+        places: furniture spoken of, oldest first.
+        where: where things were said to be.
+        wished: where things shall be.
+        loaded: furniture -> what shall be in or on it.
+        container: the movable that something was put on or in last: `the whole thing`.
+        instrument: the appliance used last: `there` after a wash.
+        telling: the frame before stated a fact, so that the next fact adds to the focus.
+        following: the frame that comes next in the sentence.
+    """
+
+    focus: list[Entity] = field(default_factory=list)
+    places: list[Entity] = field(default_factory=list)
+    where: dict[Entity, Relation] = field(default_factory=dict)
+    wished: dict[Entity, Relation] = field(default_factory=dict)
+    loaded: dict[Entity, list[Entity]] = field(default_factory=dict)
+    container: Entity | None = None
+    instrument: Entity | None = None
+    telling: bool = False
+    following: Frame | None = None
+
+    def name(self, act: Act) -> None:
+        """Note the noun phrases of a frame."""
+        for element in act.frame.elements:
+            entity = element.target if isinstance(element, Phrase) else element
+            if isinstance(entity, Entity):
+                act.mentions.append(entity)
+                if not entity.movable:
+                    self.places.append(entity)
+
+    def settle(self, frame: Frame) -> None:
+        """Move the focus to the things of a frame that was read."""
+        things = movables(frame.elements)
+        if things:
+            adds = frame.mood == "fact" and self.telling
+            self.focus = list(dict.fromkeys([*self.focus, *things])) if adds else things
+        self.telling = frame.mood == "fact"
+
+    def things(self, act: Act) -> list[Entity]:
+        """Return what a frame acts on; if it names nothing, what was spoken of last."""
+        act.things = movables(act.frame.elements)
+        if not act.things:
+            whole = any(isinstance(e, Pronoun) and e.whole for e in act.frame.elements)
+            act.things = [self.container] if whole and self.container else list(self.focus)
+        return act.things
+
+    def antecedents(self, pronoun: Pronoun) -> list[Entity]:
+        """Return what a pronoun stands for.
+
+        Raises:
+            Abstention: nothing that it could stand for was said.
+        """
+        if pronoun.whole and self.container:
+            return [self.container]
+        if not self.focus:
+            raise Abstention("no_antecedent", "a pronoun stands for nothing said before")
+        return list(self.focus)
+
+    def same_place(self, entity: Entity) -> Entity:
+        """Return the piece with the room that an earlier mention gave it."""
+        if entity.room is None:
+            for earlier in reversed(self.places):
+                if earlier.category == entity.category and earlier.room is not None:
+                    return earlier
+        return entity
+
+    def resolve(self, target: Entity | Room | Pronoun | There) -> Entity | Room | None:
+        """Return what the target of a phrase means."""
+        if isinstance(target, Entity):
+            return self.same_place(target)
+        if isinstance(target, Room):
+            return target
+        if isinstance(target, There):
+            return self.instrument or (self.places[-1] if self.places else None)
+        return self.container or (self.focus[0] if self.focus else None)
+
+    def state(self, act: Act, thing: Entity, phrase: Phrase) -> None:
+        """Note where a thing is said to be."""
+        target = self.resolve(phrase.target)
+        if target is None or phrase.preposition in ("where", "with"):
+            return
+        relation = stated_location(phrase.preposition, target)
+        if isinstance(phrase.target, There) and self.where:
+            relation = list(self.where.values())[-1]
+        self.where[thing] = relation
+        act.relations.append(literal_of(relation, thing))
+
+    def wish(self, act: Act, thing: Entity, phrase: Phrase) -> None:
+        """Note where a thing shall be.
+
+        Raises:
+            Abstention: the phrase leads to nothing known, or nothing can be there.
+        """
+        if phrase.preposition == "where":
+            other = phrase.target
+            if not isinstance(other, Entity) or other not in self.where:
+                raise Abstention("unknown_place", f"nothing says where the {said(other)} is")
+            relation = self.where[other]
+        else:
+            target = self.resolve(phrase.target)
+            if target is None:
+                raise Abstention("no_antecedent", f"what does {phrase.preposition!r} lead to?")
+            relation = destination(phrase.preposition, target)
+        if relation.holder == thing:
+            raise Abstention("unparsed", f"the {said(thing)} cannot hold itself")
+        self.put(act, thing, relation)
+        if isinstance(relation.holder, Entity):
+            self.loaded.setdefault(relation.holder, []).append(thing)
+            if relation.holder.movable:
+                self.container = relation.holder
+
+    def put(self, act: Act, thing: Entity, relation: Relation) -> None:
+        """Note a relation that shall hold."""
+        self.wished[thing] = relation
+        act.goals.append(literal_of(relation, thing))
+
+
+def movables(elements: list[Element]) -> list[Entity]:
+    """Return the movables among the noun phrases that stand alone, each once."""
+    return list(dict.fromkeys(e for e in elements if isinstance(e, Entity) and e.movable))
+
+
+def designator_of(entity: Entity) -> Designator:
+    """Return the designator of a noun phrase."""
+    return Designator(entity.category, entity.room)
+
+
+def literal_of(relation: Relation, thing: Entity) -> Literal:
+    """Return `relation(thing, holder)`."""
+    holder = relation.holder
+    target = designator_of(holder) if isinstance(holder, Entity) else Designator(holder.type)
+    return Literal(relation.predicate, designator_of(thing), target)
+
+
+def said(target: object) -> str:
+    """Return what to call something in a reason."""
+    return target.category.replace("_", " ") if isinstance(target, Entity) else "it"

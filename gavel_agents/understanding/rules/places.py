@@ -1,0 +1,103 @@
+"""What prepositions mean with each kind of furniture, and what appliances do."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from gavel_agents.understanding.rules.frames import Entity, Room
+from gavel_agents.understanding.rules.lexer import Abstention
+from gavel_env.goals import Predicate
+from gavel_env.ontology import default_ontology
+
+__all__ = ["Relation", "can_run", "destination", "flag_of", "process_flag", "stated_location"]
+
+_FLAGS = {
+    "HEAT": Predicate.COOKED,
+    "WASH": Predicate.WASHED,
+    "DRY": Predicate.DRIED,
+    "FREEZE": Predicate.FROZEN,
+}
+_PLAIN = {"on": Predicate.ON_TOP, "in": Predicate.INSIDE, "under": Predicate.UNDER, "beside": Predicate.NEXT_TO}
+
+
+class Relation(NamedTuple):
+    """Where something is or shall be."""
+
+    predicate: Predicate
+    holder: Entity | Room
+
+
+def flag_of(verb: str) -> Predicate | None:
+    """Return what a verb of heating, washing, drying or freezing makes true."""
+    return _FLAGS.get(verb)
+
+
+def process_flag(entity: Entity) -> Predicate | None:
+    """Return what an appliance makes of what is in or on it."""
+    category = default_ontology()[entity.category]
+    if category.washes:
+        return Predicate.WASHED
+    if category.dries:
+        return Predicate.DRIED
+    if category.heat is not None and not category.graspable:
+        return Predicate.COOKED
+    return Predicate.FROZEN if category.cold is not None and category.cold.freezes else None
+
+
+def can_run(entity: Entity) -> bool:
+    """Return whether it has a switch."""
+    return default_ontology()[entity.category].toggleable
+
+
+def stated_location(preposition: str, target: Entity | Room) -> Relation:
+    """Return where something is said to be: `from` a container is inside it, from a table on top.
+
+    Raises:
+        Abstention: nothing can be there.
+    """
+    if isinstance(target, Room):
+        return Relation(Predicate.IN_ROOM, target)
+    if preposition == "off":
+        return Relation(Predicate.ON_TOP, target)
+    if preposition == "out":
+        return Relation(Predicate.INSIDE, target)
+    if preposition in ("from", "to"):
+        return Relation(_usual(target), target)
+    return _checked(preposition, target)
+
+
+def destination(preposition: str, target: Entity | Room) -> Relation:
+    """Return where something shall be: `to` the bookcase is inside it, to the bed on top.
+
+    Raises:
+        Abstention: nothing can be put there.
+    """
+    if isinstance(target, Room):
+        return Relation(Predicate.IN_ROOM, target)
+    if preposition == "to":
+        return Relation(_usual(target), target)
+    return _checked(preposition, target)
+
+
+def _usual(target: Entity) -> Predicate:
+    category = default_ontology()[target.category]
+    if category.interior and not category.graspable:
+        return Predicate.INSIDE
+    if not category.surface and not category.interior:
+        raise Abstention("cannot_hold", f"nothing can be put on or in {target.category.replace('_', ' ')!r}")
+    return Predicate.ON_TOP
+
+
+def _checked(preposition: str, target: Entity) -> Relation:
+    """Return the relation that is said, or the only one that is possible (`in the chair`)."""
+    predicate = _PLAIN.get(preposition)
+    if predicate is None:
+        raise Abstention("unparsed", f"{preposition!r} does not say where")
+    category = default_ontology()[target.category]
+    if predicate is Predicate.INSIDE and not category.interior and category.surface:
+        predicate = Predicate.ON_TOP
+    if predicate is Predicate.ON_TOP and not category.surface and category.interior:
+        predicate = Predicate.INSIDE
+    if predicate in (Predicate.INSIDE, Predicate.ON_TOP) and not (category.interior or category.surface):
+        raise Abstention("cannot_hold", f"nothing can be put on or in {target.category.replace('_', ' ')!r}")
+    return Relation(predicate, target)

@@ -1,0 +1,46 @@
+"""`RulesUnderstanding`: text -> frames -> acts -> tasks."""
+
+from __future__ import annotations
+
+from itertools import zip_longest
+
+from gavel_agents.understanding.base import Decomposition, TaskUnderstanding
+from gavel_agents.understanding.rules.discourse import Discourse
+from gavel_agents.understanding.rules.frames import frames_of
+from gavel_agents.understanding.rules.lexer import Abstention, sentences_of
+from gavel_agents.understanding.rules.tasks import Sentence, split_tasks
+from gavel_agents.understanding.rules.verbs import read_frame
+
+__all__ = ["RulesUnderstanding"]
+
+
+class RulesUnderstanding:
+    """Understands what it has words for, and says what it has none for; never guesses."""
+
+    name = "rules"
+
+    def understand(self, text: str) -> Decomposition:
+        """Return the tasks of an instruction's text, or the typed reason of an abstention."""
+        try:
+            return Decomposition(_tasks(text))
+        except Abstention as why:
+            return Decomposition((), str(why))
+
+
+def _tasks(text: str) -> tuple[TaskUnderstanding, ...]:
+    discourse = Discourse()
+    read: list[Sentence] = []
+    opened = False
+    for sentence in sentences_of(text):
+        frames = frames_of(sentence.tokens)
+        opened = opened or sentence.opened
+        if not frames:
+            opened = True
+            continue
+        read.append(Sentence(sentence.text, opened))
+        for frame, following in zip_longest(frames, frames[1:]):
+            read[-1].acts.append(read_frame(discourse, frame, following))
+    tasks = split_tasks(read)
+    if not tasks:
+        raise Abstention("no_goal", "nothing is asked for")
+    return tasks
