@@ -19,7 +19,7 @@ from eval.records import Contestant, EpisodeRecord, Step
 from eval.scrub import describe_error, scrub
 from gavel_agents.base import Agent, AgentTrace, Privileged
 from gavel_agents.llm import ChatModel, load_model
-from gavel_agents.understanding import UNDERSTANDINGS, UnknownUnderstanding, load_understanding
+from gavel_agents.understanding import load_understanding
 from gavel_env.dynamics import Profile
 from gavel_env.errors import GavelError
 from gavel_env.goals import unmet
@@ -30,13 +30,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ENVIRONMENTS",
-    "UNDERSTANDINGS",
     "BadPlugin",
     "Rig",
-    "UnknownUnderstanding",
     "import_plugins",
 ]
-
 
 
 class BadPlugin(GavelError):
