@@ -1,7 +1,7 @@
 """GAVEL's environments: household instructions in real, partially observed BEHAVIOR-1K houses.
 
-Importing this package registers `Gavel-SingleTask-v0` and `Gavel-MultiTask-v0` with Gymnasium. Everything else is
-loaded when it is first used, so that the import stays light.
+Importing this package registers `Gavel-SingleTask-v0`, `Gavel-MultiTask-v0` and `Gavel-Behavior-v0` with Gymnasium.
+Everything else is loaded when it is first used, so that the import stays light.
 """
 
 from __future__ import annotations
@@ -105,4 +105,10 @@ register(
     entry_point="gavel_env.env:GavelEnv",
     max_episode_steps=500,
     kwargs={"instructions": "multi"},
+)
+register(
+    id="Gavel-Behavior-v0",
+    entry_point="gavel_env.env:GavelEnv",
+    max_episode_steps=500,
+    kwargs={"instructions": "behavior", "max_nodes": 4096},
 )

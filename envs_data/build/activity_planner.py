@@ -52,7 +52,8 @@ def find_plan(start: SceneGraph, condition: Formula, scope: Sequence[str], reach
     parking = [o for o in scope if o in start.world.nodes and start.world.nodes[o].fixed and start.category(o).surface]
     goal = Goal(conditions=(condition,))
     parts = list(conjuncts(condition))
-    orders = [sorted(parts, key=about_nearness), parts, parts[::-1], sorted(parts[::-1], key=about_nearness)]
+    backwards = parts[::-1]
+    orders = [sorted(parts, key=about_nearness), parts, backwards, sorted(backwards, key=about_nearness)]
     why = ""
     for way in (way for order in orders for way in choices(order, start, parking)):
         try:
@@ -119,7 +120,7 @@ class _Doer:
         self._switches_and_doors()
         return self.steps
 
-    # --- single steps --------------------------------------------------------------------------------------------------
+    # --- single steps --------------------------------------------------------------------------------------------
 
     def _has(self, flag: Flag, obj: str) -> bool:
         return self.graph.has(flag, obj)
@@ -178,9 +179,9 @@ class _Doer:
     def _landmark(self, room: str, held: str) -> str:
         """Return something that stands in a room, to go to when only the room matters."""
         for obj in self.pieces:
-            if obj != held and self.graph.room_of(obj) == room and self.graph.closed_container(obj) is None:
-                if self._accessible(obj):
-                    return obj
+            here = obj != held and self.graph.room_of(obj) == room and self.graph.closed_container(obj) is None
+            if here and self._accessible(obj):
+                return obj
         raise _Stuck(f"nothing to go to in {room}")
 
     def _accessible(self, obj: str) -> bool:
@@ -193,7 +194,7 @@ class _Doer:
             obj = support.holder
         return self.reachable(obj)
 
-    # --- doors ---------------------------------------------------------------------------------------------------------
+    # --- doors ---------------------------------------------------------------------------------------------------
 
     def _shut_what_is_done(self) -> None:
         """Shut what the plan opened, is within reach, and is not needed again."""
@@ -212,7 +213,7 @@ class _Doer:
                 return True
         return False
 
-    # --- states --------------------------------------------------------------------------------------------------------
+    # --- states --------------------------------------------------------------------------------------------------
 
     def _by_preference(self, obj: str, fits: Callable[[Category], bool]) -> list[str]:
         """Return the appliances that fit: the activity's own first, then those of the object's room, in graph order."""
@@ -319,7 +320,7 @@ class _Doer:
             self._do(Primitive.TOGGLE_ON, appliance)
             self._do(Primitive.TOGGLE_OFF, appliance)
 
-    # --- places --------------------------------------------------------------------------------------------------------
+    # --- places --------------------------------------------------------------------------------------------------
 
     def _is_at(self, obj: str, spot: Spot) -> bool:
         if spot.how == "beside":

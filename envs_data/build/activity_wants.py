@@ -20,8 +20,8 @@ from gavel_env.quantifiers import (
     Atom,
     Exists,
     ForAll,
-    ForN,
     Formula,
+    ForN,
     ForPairs,
     Imply,
     Not,
@@ -45,6 +45,7 @@ class Spot(NamedTuple):
 
 _STAY = Spot("stay", "")
 _HOW = {Relation.ON_TOP: "on", Relation.INSIDE: "in", Relation.FLOOR: "floor"}
+_HOLDS = {"on_top": "on", "inside": "in", WITHIN: "in", ON_FLOOR: "floor"}
 _STATE_COST = 3
 _MAKE: Mapping[Flag, str] = {Flag.COOKED: "cookable", Flag.HOT: "heatable", Flag.FROZEN: "freezable"}
 
@@ -164,25 +165,26 @@ class _Walker:
             paired = sorted(grown, key=lambda pair: pair[0].cost)[:BEAM]
         return [way for way, _ in paired]
 
-    # --- atoms ---------------------------------------------------------------------------------------------------------
+    # --- atoms ---------------------------------------------------------------------------------------------------
 
     def _atom(self, predicate: str, args: tuple[str, ...], positive: bool, way: Wants) -> Iterator[Wants]:
+        obj = args[0]
         if len(args) == 1:
-            yield from self._state(Flag[predicate.upper()], args[0], positive, way)
-        elif not positive:
-            yield from self._not_there(predicate, *args, way)
+            yield from self._state(Flag[predicate.upper()], obj, positive, way)
+            return
+        other = args[1]
+        if not positive:
+            yield from self._not_there(predicate, obj, other, way)
         elif predicate == "next_to":
-            yield from self._beside(*args, way)
-            yield from self._beside(args[1], args[0], way)
+            yield from self._beside(obj, other, way)
+            yield from self._beside(other, obj, way)
         elif predicate == "under":
-            if self.graph.category(args[1]).clearance:
-                yield from self._drop_by(*args, way)
+            if self.graph.category(other).clearance:
+                yield from self._drop_by(obj, other, way)
+        elif predicate == WITHIN:
+            yield from self._within_then(obj, other, way)
         else:
-            if predicate == WITHIN:
-                yield from self._within_then(*args, way)
-                return
-            how = {"on_top": "on", "inside": "in", ON_FLOOR: "floor"}[predicate]
-            yield from self._at(args[0], Spot(how, args[1]), way)
+            yield from self._at(obj, Spot(_HOLDS[predicate], other), way)
 
     def _state(self, flag: Flag, obj: str, value: bool, way: Wants) -> Iterator[Wants]:
         decided = way.states.get((flag, obj))
@@ -309,7 +311,7 @@ class _Walker:
 
     def _not_there(self, predicate: str, obj: str, other: str, way: Wants) -> Iterator[Wants]:
         """Keep or bring `obj` away from `other`."""
-        how = {"on_top": "on", "inside": "in", ON_FLOOR: "floor"}.get(predicate, "beside")
+        how = _HOLDS.get(predicate, "beside")
         barred = way._replace(never=way.never | {(how, obj, other)})
         decided = way.spots.get(obj)
         if decided is not None:

@@ -13,7 +13,6 @@ from gavel_env.activities.scope import (
     AGENT,
     GROUND,
     Roles,
-    Scope,
     Ungroundable,
     choose_kinds,
     choose_pieces,
@@ -30,8 +29,8 @@ from gavel_env.quantifiers import (
     Atom,
     Exists,
     ForAll,
-    ForN,
     Formula,
+    ForN,
     ForPairs,
     Imply,
     Not,
@@ -39,7 +38,7 @@ from gavel_env.quantifiers import (
 )
 from gavel_env.scenes import Scene, load_scene
 
-__all__ = ["Grounding", "ground"]
+__all__ = ["Grounding", "ground", "reachable_in"]
 
 _ATOMS = {"ontop": "on_top", "nextto": "next_to", "toggled_on": "toggled", "covered": "dirty"}
 _STATES = {"open": "open", "toggled_on": "toggled", "cooked": "cooked", "hot": "hot", "frozen": "frozen"}
@@ -106,7 +105,7 @@ class _Grounder:
         self.activity, self.scene, self._ontology = activity, scene, ontology
         self.problem, roles = _parsed(activity)
         self.things = {s for s in self.problem.objects if is_thing(s, activities)}
-        self.pieces = choose_pieces(self.problem, scene, activities, ontology, roles, _reachable(scene))
+        self.pieces = choose_pieces(self.problem, scene, activities, ontology, roles, reachable_in(scene))
         in_rooms = {f.args[0] for f in self.problem.init if f.predicate == "inroom"}
         movables = [
             name
@@ -144,7 +143,7 @@ class _Grounder:
             tuple(self.left_out),
         )
 
-    # --- names -------------------------------------------------------------------------------------------------------
+    # --- names ---------------------------------------------------------------------------------------------------
 
     def _new_ids(self, names: list[str]) -> dict[str, str]:
         counts: dict[str, int] = {}
@@ -179,7 +178,7 @@ class _Grounder:
             found[name] = (piece, (piece, *(o for o in others if o != piece)))
         return found
 
-    # --- the start -----------------------------------------------------------------------------------------------------
+    # --- the start -----------------------------------------------------------------------------------------------
 
     def _start(self) -> tuple[tuple[Placement, ...], tuple[str, ...]]:
         states: dict[str, list[str]] = {}
@@ -242,7 +241,7 @@ class _Grounder:
             name = next((f.args[1] for f in self.problem.init if f.args[0] == name and f.predicate in _SUPPORTS), name)
         return None
 
-    # --- the goal ------------------------------------------------------------------------------------------------------
+    # --- the goal ------------------------------------------------------------------------------------------------
 
     def _atoms_of(self, node: Node, kinds: Mapping[str, str] | None = None) -> Iterator[str]:
         """Yield the synsets of the substances that the goal wants off."""
@@ -381,5 +380,6 @@ class _ById:
         return id(self.scene)
 
 
-def _reachable(scene: Scene) -> Callable[[str], bool]:
+def reachable_in(scene: Scene) -> Callable[[str], bool]:
+    """Return the test of whether the robot can get at a piece or item of a scene."""
     return _reachability(scene.scene, _ById(scene))

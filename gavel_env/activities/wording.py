@@ -1,0 +1,300 @@
+"""The text of an activity: its title as a sentence, what the goal needs, and what starts inside something shut."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+
+from gavel_env.activities.grounding import Grounding
+from gavel_env.graph import Relation, SceneGraph
+from gavel_env.quantifiers import (
+    ON_FLOOR,
+    WITHIN,
+    And,
+    Atom,
+    Exists,
+    ForAll,
+    Formula,
+    ForN,
+    ForPairs,
+    Imply,
+    Not,
+    Or,
+    conjuncts,
+)
+from gavel_env.tasks.vocabulary import default_vocabulary
+
+__all__ = ["imperative", "plural", "text_of", "title_of"]
+
+# Verbs whose stem is not simply the word without "ing".
+_VERBS = {
+    "boxing": "box", "doing": "do", "emptying": "empty", "laying": "lay", "drying": "dry", "paying": "pay",
+    "tidying": "tidy", "buying": "buy", "carrying": "carry", "mopping": "mop", "getting": "get", "putting": "put",
+    "setting": "set", "shopping": "shop", "stripping": "strip", "rinsing": "rinse", "moving": "move",
+    "arranging": "arrange", "rearranging": "rearrange", "composting": "compost", "assembling": "assemble",
+    "recycling": "recycle", "re-shelving": "re-shelve", "scrubbing": "scrub", "spring": "spring", "setup": "set up",
+    "hiding": "hide", "repairs": "make repairs", "preparing": "prepare",
+}  # fmt: skip
+_WITH_E = (
+    "at", "iz", "iv", "ec", "os", "ov", "us", "ac", "ak", "id", "ar", "or", "erv", "ap", "ut", "yc", "av", "ot",
+)  # fmt: skip
+_ODD = {
+    "knife": "knives", "shelf": "shelves", "bookshelf": "bookshelves", "loaf": "loaves", "half": "halves",
+    "mouse": "mice", "potato": "potatoes", "tomato": "tomatoes", "scarf": "scarves",
+}  # fmt: skip
+_WITHOUT_E = ("treat", "clear", "heat", "sort")
+_PRESENT = {
+    "on_top": "on top of", "inside": "inside", WITHIN: "inside", "under": "under", "next_to": "next to",
+    ON_FLOOR: "on the floor of",
+}  # fmt: skip
+_STATES = {
+    "open": ("open", "shut"), "toggled": ("switched on", "switched off"), "cooked": ("cooked", "not cooked"),
+    "hot": ("hot", "not hot"), "frozen": ("frozen", "not frozen"), "dirty": ("dirty", "clean"),
+}  # fmt: skip
+
+
+def imperative(word: str) -> str:
+    """Return a gerund as a command: `putting` -> `put`; other words as they are."""
+    if word in _VERBS:
+        return _VERBS[word]
+    if not word.endswith("ing"):
+        return word
+    stem = word[:-3]
+    return stem + "e" if stem.endswith(_WITH_E) and not stem.endswith(_WITHOUT_E) else stem
+
+
+def title_of(activity: str) -> str:
+    """Return an activity's name as a sentence without its full stop: `putting_away_toys` -> `Put away toys`."""
+    words = re.sub(r"\b(de|re)_", r"\1-", activity).replace("_s_", "'s_").split("_")
+    words[0] = imperative(words[0])
+    title = re.sub(r"\ba (?=[aeiouAEIOU]|LED)", "an ", " ".join(words))
+    return title[:1].upper() + title[1:]
+
+
+def plural(noun: str) -> str:
+    """Return the plural of a noun phrase: `box of candy` -> `boxes of candy`."""
+    head, of, rest = noun.partition(" of ")
+    before, space, word = head.rpartition(" ")
+    if word in _ODD:
+        word = _ODD[word]
+    elif word.endswith(("ss", "us", "x", "ch", "sh", "z")):
+        word += "es"
+    elif word.endswith("y") and word[-2:-1] not in "aeiou":
+        word = word[:-1] + "ies"
+    elif not word.endswith("s"):
+        word += "s"
+    return before + space + word + of + rest
+
+
+def text_of(grounding: Grounding, graph: SceneGraph) -> str:
+    """Return the text of a grounded activity; `graph`: G*_0."""
+    return _Writer(grounding, graph).text()
+
+
+class _Writer:
+    def __init__(self, grounding: Grounding, graph: SceneGraph) -> None:
+        self.grounding, self.graph = grounding, graph
+        self.words = default_vocabulary()
+        self.plurals: set[str] = set()
+
+    def text(self) -> str:
+        """Return title, goal and what starts behind a door."""
+        parts = conjuncts(_pushed(self.grounding.goal, True))
+        clauses = list(dict.fromkeys(self.clause(part, {}) for part in parts))
+        sentences = [f"{title_of(self.grounding.activity.name)}.", f"In the end, {_joined(clauses, '; ')}."]
+        sentences += self._hidden()
+        return " ".join(sentences)
+
+    # --- names ---------------------------------------------------------------------------------------------------
+
+    def noun(self, obj: str) -> str:
+        """Return what an object is called."""
+        return self.words.nouns(self.graph.category(obj).name)[0]
+
+    def room(self, room: str) -> str:
+        """Return a room's name, with its id if the house has several of its type."""
+        kind = self.graph.world.rooms[room].type
+        name = f"the {self.words.room_nouns(kind)[0]}"
+        several = sum(r.type == kind for r in self.graph.world.rooms.values()) > 1
+        return f"{name} ({room})" if several else name
+
+    def the(self, obj: str, bound: Mapping[str, str]) -> str:
+        """Return a reference to an object, a room or a variable; with the id where the noun alone would not do."""
+        if obj in bound:
+            return bound[obj]
+        if obj in self.graph.world.rooms:
+            return self.room(obj)
+        same = self.graph.world.by_category[self.graph.category(obj).name]
+        name = f"the {self.noun(obj)}"
+        if len(same) == 1:
+            return name
+        room = self.graph.room_of(obj)
+        if self.graph.world.nodes[obj].fixed and room is not None:
+            name = f"{name} in {self.room(room)}"
+            if sum(self.graph.room_of(o) == room for o in same) == 1:
+                return name
+        return f"{name} ({obj})"
+
+    def group(self, domain: Sequence[str]) -> tuple[str, str]:
+        """Return a domain's noun in the singular and in the plural, with ids if it is not all there are of a kind."""
+        nouns = list(dict.fromkeys(self.noun(o) for o in domain))
+        kinds = dict.fromkeys(self.graph.category(o).name for o in domain)
+        everything = {o for kind in kinds for o in self.graph.world.by_category[kind]}
+        one, many = " or ".join(nouns), " and ".join(map(plural, nouns))
+        if everything == set(domain):
+            return one, many
+        rooms = dict.fromkeys(self.graph.room_of(o) for o in domain)
+        fixed = all(self.graph.world.nodes[o].fixed for o in domain)
+        room = next(iter(rooms))
+        if fixed and len(rooms) == 1 and room is not None:
+            there = {o for o in everything if self.graph.room_of(o) == room}
+            if there == set(domain):
+                return f"{one} in {self.room(room)}", f"{many} in {self.room(room)}"
+        ids = f" ({', '.join(domain)})"
+        return one + ids, many + ids
+
+    # --- clauses -------------------------------------------------------------------------------------------------
+
+    def clause(self, formula: Formula, bound: Mapping[str, str]) -> str:
+        """Return a condition (negations pushed inwards) as a clause."""
+        if isinstance(formula, Atom):
+            return self._atom(formula, bound, positive=True)
+        if isinstance(formula, Not):
+            assert isinstance(formula.body, Atom)
+            return self._atom(formula.body, bound, positive=False)
+        if isinstance(formula, And):
+            return _joined([self.clause(part, bound) for part in formula.parts], ", ")
+        if isinstance(formula, Or):
+            return "either " + _joined([self.clause(part, bound) for part in formula.parts], ", ", "or")
+        if isinstance(formula, Imply):
+            return f"if {self.clause(formula.premise, bound)}, then {self.clause(formula.body, bound)}"
+        if isinstance(formula, ForPairs):
+            first, second = self.group(formula.domain), self.group(formula.other_domain)
+            sides = ((formula.variable, formula.domain), (formula.other_variable, formula.other_domain))
+            self.plurals.update(variable for variable, domain in sides if self._is_plural(domain[0]))
+            inner = {**bound, formula.variable: f"the {self.noun(formula.domain[0])}"}
+            inner[formula.other_variable] = f"the {self.noun(formula.other_domain[0])}"
+            return f"the {first[1]} and the {second[1]} form pairs, such that {self.clause(formula.body, inner)}"
+        return self._quantified(formula, bound)
+
+    def _quantified(self, formula: ForAll | Exists | ForN, bound: Mapping[str, str]) -> str:
+        if len(formula.domain) == 1 and not isinstance(formula, ForN):
+            return self.clause(formula.body, {**bound, formula.variable: self.the(formula.domain[0], bound)})
+        mentions = sum(formula.variable in asked.atom.args for asked in formula.body.asked())
+        if mentions == 0 and not isinstance(formula, ForN):
+            return self.clause(formula.body, bound)
+        one, many = self.group(formula.domain)
+        short = f"the {self.noun(formula.domain[0])}"
+        every = f"every {one}"
+        if self._is_plural(formula.domain[0]):
+            self.plurals.add(formula.variable)
+            every = f"all {one}"
+        if isinstance(formula, ForN):
+            inner = {**bound, formula.variable: f"the {self.noun(formula.domain[0])}"}
+            counted = f"exactly {formula.count} of the {many} {_are(formula.count)}"
+            return f"{counted} such that {self.clause(formula.body, inner)}"
+        if isinstance(formula, ForAll):
+            if mentions == 1:
+                return self.clause(formula.body, {**bound, formula.variable: every})
+            return f"for {every}, {self.clause(formula.body, {**bound, formula.variable: short})}"
+        if mentions == 1 and not _has(formula.body, ForAll):
+            return self.clause(formula.body, {**bound, formula.variable: f"one of the {many}"})
+        if mentions == 1:
+            return self.clause(formula.body, {**bound, formula.variable: f"one and the same {one}"})
+        return f"for one of the {many}, {self.clause(formula.body, {**bound, formula.variable: f'that {one}'})}"
+
+    def _atom(self, atom: Atom, bound: Mapping[str, str], *, positive: bool) -> str:
+        subject = self.the(atom.args[0], bound)
+        verb = "are" if atom.args[0] in self.plurals or self._is_plural(atom.args[0]) else "is"
+        if not positive and atom.predicate not in _STATES and subject.startswith(("every ", "all ")):
+            subject, positive = f"no {subject.partition(' ')[2]}", True
+        if atom.predicate in _STATES:
+            return f"{subject} {verb} {_STATES[atom.predicate][0 if positive else 1]}"
+        where = f"{_PRESENT[atom.predicate]} {self.the(atom.args[1], bound)}"
+        return f"{subject} {verb} {where}" if positive else f"{subject} {verb} not {where}"
+
+    def _is_plural(self, obj: str) -> bool:
+        return obj in self.graph.world.nodes and self.words.is_plural(self.graph.category(obj).name)
+
+    # --- the start -----------------------------------------------------------------------------------------------
+
+    def _hidden(self) -> list[str]:
+        """Return a sentence for every shut container that something of the activity starts in."""
+        inside: dict[str, list[str]] = {}
+        for placement in self.grounding.placements:
+            obj = placement.id or ""
+            container = self.graph.closed_container(obj)
+            if container is not None:
+                inside.setdefault(container, []).append(obj)
+        sentences = []
+        for container, objects in inside.items():
+            direct = [o for o in objects if self.graph.supports[o].holder == container]
+            named = self._listed(direct) + [self._nested(o) for o in objects if o not in direct]
+            verb = "is" if len(objects) == 1 and not self._is_plural(objects[0]) else "are"
+            sentences.append(
+                f"At the start, {_joined(named, ', ')} {verb} inside {self.the(container, {})}, which is shut."
+            )
+        return sentences
+
+    def _nested(self, obj: str) -> str:
+        """Return a reference to an object with what it is on or in: `the lobster in the bowl`."""
+        relation, holder = self.graph.supports[obj]
+        return f"{self.the(obj, {})} {'in' if relation is Relation.INSIDE else 'on'} {self.the(holder, {})}"
+
+    def _listed(self, objects: Iterable[str]) -> list[str]:
+        """Return some objects by noun and number."""
+        by_noun: dict[str, list[str]] = {}
+        for obj in objects:
+            by_noun.setdefault(self.noun(obj), []).append(obj)
+        named = []
+        for noun, members in by_noun.items():
+            everywhere = self.graph.world.by_category[self.graph.category(members[0]).name]
+            if len(members) == 1:
+                named.append(self.the(members[0], {}))
+            elif len(members) == len(everywhere):
+                named.append(f"the {len(members)} {plural(noun)}")
+            else:
+                named.append(f"{len(members)} {plural(noun)} ({', '.join(members)})")
+        return named
+
+
+def _are(count: int) -> str:
+    return "is" if count == 1 else "are"
+
+
+def _has(formula: Formula, kind: type[Formula]) -> bool:
+    """Return whether a quantifier of a kind stands in a condition."""
+    if isinstance(formula, kind):
+        return True
+    if isinstance(formula, And | Or):
+        return any(_has(part, kind) for part in formula.parts)
+    if isinstance(formula, Imply):
+        return _has(formula.premise, kind) or _has(formula.body, kind)
+    return not isinstance(formula, Atom) and _has(formula.body, kind)
+
+
+def _pushed(formula: Formula, positive: bool) -> Formula:
+    """Return a condition with its negations pushed down to the atoms."""
+    if isinstance(formula, Atom):
+        return formula if positive else Not(formula)
+    if isinstance(formula, Not):
+        return _pushed(formula.body, not positive)
+    if isinstance(formula, And | Or):
+        parts = tuple(_pushed(part, positive) for part in formula.parts)
+        return And(parts) if isinstance(formula, And) == positive else Or(parts)
+    if isinstance(formula, Imply):
+        if positive:
+            return Imply(_pushed(formula.premise, True), _pushed(formula.body, True))
+        return And((_pushed(formula.premise, True), _pushed(formula.body, False)))
+    if isinstance(formula, ForAll | Exists):
+        kind = ForAll if isinstance(formula, ForAll) == positive else Exists
+        return kind(formula.variable, formula.domain, _pushed(formula.body, positive))
+    return formula
+
+
+def _joined(clauses: Sequence[str], comma: str, word: str = "and") -> str:
+    """Return `a, b and c`."""
+    if len(clauses) < 2:
+        return "".join(clauses)
+    last = f"{comma.rstrip()} {word} " if comma.strip() == ";" else f" {word} "
+    return f"{comma.join(clauses[:-1])}{last}{clauses[-1]}"
