@@ -29,7 +29,7 @@ class Costs:
 
     Attributes:
         first_cost: (tasks,) h[j], expected metres of executing task j first.
-        pairwise_cost: (tasks, tasks) A[i, j], expected metres of executing task j right after task i; 0 on the diagonal.
+        pairwise_cost: (tasks, tasks) A[i, j], expected metres of executing task j right after i; diagonal 0.
     """
 
     first_cost: Floats
