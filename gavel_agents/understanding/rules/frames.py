@@ -70,9 +70,10 @@ class Cycle(NamedTuple):
 
 
 class Separator(NamedTuple):
-    """`and`, a comma, `then`, ..."""
+    """`and`, a comma, `then`, ..., and where it stands in the sentence."""
 
     kind: Kind
+    start: int = 0
 
 
 Element = Entity | Pronoun | Phrase | Part | Cycle | Separator
@@ -80,7 +81,18 @@ Element = Entity | Pronoun | Phrase | Part | Cycle | Separator
 
 @dataclass
 class Frame:
-    """A verb and what goes with it; `before` are the separators that lead to it."""
+    """A verb and what goes with it.
+
+    Attributes:
+        verb: what it asks for.
+        word: as it was said.
+        mood: "do", "fact" or "wish".
+        negated: it shall not be.
+        marked: `make sure that` leads to it.
+        elements: in the order said.
+        before: the separators that lead to it.
+        end: where it ends in the sentence.
+    """
 
     verb: str = ""
     word: str = ""
@@ -89,6 +101,7 @@ class Frame:
     marked: bool = False
     elements: list[Element] = field(default_factory=list)
     before: list[Kind] = field(default_factory=list)
+    end: int = 0
 
     def of(self, kind: type) -> list[Element]:
         """Return the elements of one type."""
@@ -139,6 +152,8 @@ class _Reader:
             self.position += 1
             self.take(token)
             self.previous = token.kind
+            if token.kind not in _SEPARATORS:
+                self.frame.end = max(self.frame.end, self.tokens[self.position - 1].end)
         self.close()
         return self.frames
 
@@ -156,7 +171,7 @@ class _Reader:
     def take(self, token: Token) -> None:
         kind = token.kind
         if kind in _SEPARATORS:
-            self.frame.elements.append(Separator(kind))
+            self.frame.elements.append(Separator(kind, token.start))
             if kind is Kind.STOP:
                 self.close()
         elif kind is Kind.COUNT:
@@ -313,6 +328,7 @@ class _Reader:
                     start += 1
                 subject = elements[start:]
                 del elements[start:]
+                self.frame.end = element.start
                 return subject
         return []
 

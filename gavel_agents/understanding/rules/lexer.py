@@ -37,12 +37,15 @@ class Token(NamedTuple):
         value: category, room type or sub-kind.
         text: its words.
         form: of a verb: "ing", "ed" or "base".
+        start, end: where it stands in its sentence.
     """
 
     kind: Kind
     value: str
     text: str
     form: str = ""
+    start: int = 0
+    end: int = 0
 
 
 class _Piece(NamedTuple):
@@ -122,7 +125,7 @@ class Spoken(NamedTuple):
     """A sentence.
 
     Attributes:
-        text: as it was written.
+        text: as it was written, to which the tokens' places refer.
         tokens: what it says; none if it asks for nothing.
         opened: a remark that asks for nothing leads to it.
     """
@@ -143,7 +146,7 @@ def sentences_of(text: str) -> Iterator[Spoken]:
     if len(text) > _MOST_CHARACTERS:
         raise Abstention("too_long", f"{len(text)} characters; at most {_MOST_CHARACTERS}")
     first = True
-    for part in _END.split(_BULLET.sub("\n", text)):
+    for part in _END.split(_BULLET.sub("\n", unicodedata.normalize("NFKC", text))):
         plain = _plain(part)
         if plain.strip().isdigit():
             continue  # the number of a list
@@ -153,7 +156,9 @@ def sentences_of(text: str) -> Iterator[Spoken]:
             if token.kind is Kind.UNKNOWN:
                 raise Abstention("unknown_word", _with_hint(token.text))
         if said or _WORD.search(plain):
-            yield Spoken(f"{part.strip()}.", tokens, len(tokens) < len(said) or _has_heading(tokens))
+            yield Spoken(
+                part if len(part) == len(plain) else plain, tokens, len(tokens) < len(said) or _has_heading(tokens)
+            )
             first = first and not any(t.kind in _NAMES for t in tokens)
 
 
@@ -192,11 +197,11 @@ def _sentence(sentence: str) -> Iterator[Token]:
     position, last_end, led = 0, 0, False
     while position < len(pieces):
         for mark in _MARK.findall(sentence[last_end : pieces[position].start]):
-            yield Token(Kind.COMMA if mark in ",()" else Kind.STOP, mark.strip(), mark)
+            yield Token(Kind.COMMA if mark in ",()" else Kind.STOP, mark.strip(), mark, "", last_end, last_end)
         count, token = _longest(pieces, position, sentence, led=led)
         if token.kind is not Kind.FILLER:
             led = token.kind in (Kind.DETERMINER, Kind.ADJECTIVE, Kind.ROOM, Kind.QUANTIFIER)
-            yield token
+            yield token._replace(start=pieces[position].start, end=pieces[position + count - 1].end)
         position += count
         last_end = pieces[position - 1].end
 

@@ -7,6 +7,7 @@ only sentence are one task.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -18,6 +19,7 @@ from gavel_env.goals import Designator, Goal, Literal, Predicate
 
 __all__ = ["Sentence", "split_tasks"]
 
+_LEADING = re.compile(r"^[\s,;:—–-]*(?:(?:and|then|also|plus|besides|too|or)\b[\s,;:]*)*", re.IGNORECASE)
 _PLACES = (Predicate.ON_TOP, Predicate.INSIDE, Predicate.UNDER, Predicate.NEXT_TO, Predicate.IN_ROOM)
 
 
@@ -63,13 +65,14 @@ def split_tasks(sentences: Sequence[Sentence]) -> tuple[TaskUnderstanding, ...]:
     units: list[_Unit] = []
     asking = [s for s in sentences if any(act.goals for act in s.acts)]
     for sentence in sentences:
-        new = list(_units(sentence))
+        new = _worded(sentence)
         alone = len(asking) == 1 and not sentence.opened
         if alone and len([u for u in new if u.asks]) > 1 and _joined(new):
-            new = [_Unit(sentence.text, [act for unit in new for act in unit.acts])]
+            new = [_Unit(sentence.text.strip() + ".", [act for unit in new for act in unit.acts])]
         if new and units and _continues(new[0], units[-1]):
-            units[-1].acts += new.pop(0).acts
-            units[-1].text = f"{units[-1].text} {sentence.text}"
+            first = new.pop(0)
+            units[-1].acts += first.acts
+            units[-1].text = f"{units[-1].text} {first.text}"
         units += new
     return tuple(_task(unit) for unit in units if unit.asks)
 
@@ -83,9 +86,20 @@ def _units(sentence: Sentence) -> Iterator[_Unit]:
             continue
         if unit is not None:
             yield unit
-        unit = _Unit(sentence.text, [act])
+        unit = _Unit("", [act])
     if unit is not None:
         yield unit
+
+
+def _worded(sentence: Sentence) -> list[_Unit]:
+    """Return the units of a sentence, each with its own part of it as its text."""
+    units, start = list(_units(sentence)), 0
+    for unit in units:
+        end = unit.acts[-1].frame.end if unit is not units[-1] else len(sentence.text)
+        words = _LEADING.sub("", sentence.text[start:end]).strip(" ,;:")
+        unit.text = words[:1].upper() + words[1:] + "."
+        start = end
+    return units
 
 
 def _same_unit(act: Act, unit: _Unit) -> bool:

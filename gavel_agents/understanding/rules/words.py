@@ -113,17 +113,25 @@ _PHRASE_VERBS: Mapping[str, str] = {
     "MOVE": "find a place for|find a spot for|find a home for|find room for|make room for|make space for|"
     "find space for|find somewhere for|put away|throw away|throw out|clear away|tidy up|tidy away|clear up|"
     "find a good place for|find a good spot for|drop off|set down|put down|put back|leave behind|hang up",
-    "GET": "pick up|track down|hunt down|look for|search for|dig out|i'd like|i would like|i'd love|i want|i need|"
-    "we need|we want|we'd like|we would like|let me have|let us have|it would be nice to have|it'd be nice to have|"
-    "i'd like to have|i would like to have|i want to have|i need to have|i wish to have|i feel like|i fancy|"
-    "i could use|we could use|i'm after|i'd prefer|i prefer|go get|go and get|go fetch|take hold of|get hold of|"
-    "lay hands on|could do with|can i have|could i have|may i have|can we have|could we have|fish out",
+    "GET": "pick up|track down|hunt down|look for|search for|dig out|let me have|let us have|it would be nice to have|"
+    "it'd be nice to have|it would be good to have|it would be great to have|it would be lovely to have|go get|"
+    "go and get|go fetch|take hold of|get hold of|lay hands on|fish out|can i have|could i have|may i have|"
+    "can we have|could we have|could do with|how nice it would be to have|i wish i had",
     "HEAT": "heat up|warm up|warm through|heat through",
     "DRY": "tumble dry|dry off|dry out",
     "WASH": "wash up|clean up",
     "RUN": "power up|fire up|boot up|start up|crank up|switch on|turn on|power on",
     "SWAP": "trade",
 }
+
+_WISHERS = ("i", "we")
+_WISHES = (
+    "want|need|would like|would love|would prefer|could do with|could use|could go for|fancy|feel like|prefer|"
+    "would appreciate|wish for|require|am after|are after|am in the mood for|are in the mood for|am looking for|"
+    "are looking for|would be glad of|would be happy with|would be happier with|am going to need|are going to need|"
+    "will need|will want|am craving|are craving|would rather have|would sooner have"
+)
+_SHORT = {"would": "'d", "am": "'m", "are": "'re", "will": "'ll"}
 
 _PHRASES: Mapping[tuple[Kind, str], str] = {
     (Kind.FACT, ""): "is|are|was|were|there is|there are|there's|there're|you'll find|you will find|you can find|"
@@ -134,7 +142,7 @@ _PHRASES: Mapping[tuple[Kind, str], str] = {
     (Kind.WISH, ""): "should|shall|must|needs|need to|needs to|has to|have to|had better|ought to|belongs|belong|goes|"
     "go|can go|may go|is meant to|are meant to|is supposed to|are supposed to|is to|are to|is wanted|are wanted|wants|"
     "want to|is needed|are needed|is required|are required|ends up|end up|gets|deserves|deserve|will go|is due|are due|"
-    "is expected|are expected|could use|wants to|is meant for|are meant for|will have to|has got to|have got to|"
+    "is expected|are expected|wants to|is meant for|are meant for|will have to|has got to|have got to|"
     "is supposed to go|are supposed to go|lives|live|is going|are going|is asked for|come|comes",
     (Kind.GOAL_MARK, ""): "make sure|see that|see to it that|see to it|ensure|be sure|make certain|check that|"
     "verify that|make it so that|make it so|so that|it's time|i'd like it if|the aim is|the goal is|i'd like to see|"
@@ -247,12 +255,23 @@ def _verbs() -> Iterator[tuple[str, str]]:
                 yield f"{form} {rest}".strip(), meaning
 
 
+def _wishes() -> Iterator[str]:
+    """Yield `i want`, `i'd like`, `we could do with to have`, ..."""
+    for who in _WISHERS:
+        for wish in _WISHES.split("|"):
+            first, _, rest = wish.partition(" ")
+            for said in (f"{who} {wish}", f"{who}{_SHORT[first]} {rest}" if first in _SHORT else ""):
+                yield from (said, f"{said} to have") if said else ()
+
+
 @cache
 def closed_words() -> Mapping[tuple[str, ...], tuple[Kind, str]]:
     """Return every closed-class phrase, as its words, with what it does."""
     table: dict[tuple[str, ...], tuple[Kind, str]] = {}
     for phrase, meaning in _verbs():
         table[tuple(phrase.split())] = (Kind.VERB, meaning)
+    for phrase in _wishes():
+        table[tuple(phrase.split())] = (Kind.VERB, "GET")
     for (kind, value), phrases in _PHRASES.items():
         for phrase in phrases.split("|"):
             table[tuple(phrase.split())] = (kind, value)
