@@ -16,10 +16,10 @@ from gavel_env.instructions import Instruction, InstructionSet, read_instruction
 from gavel_env.tasks.broken import LEAST, broken_path, read_broken
 from gavel_env.tasks.certificate import certify_set
 from gavel_env.tasks.drafts import pair_split
-from gavel_env.tasks.language import default_templates, expand
 from gavel_env.tasks.pairs import PairSet, read_pairs
 from gavel_env.tasks.recipes import HOUSES, single_benchmark
 from gavel_env.tasks.statistics import Statistics, needs_appliance, statistics
+from gavel_env.tasks.templates import default_templates, expand
 from gavel_env.tasks.vocabulary import default_vocabulary
 
 FOLDER = shipped("single").parent
@@ -128,6 +128,8 @@ def literal_pairs(target: Mapping[str, Any]) -> list[set[str]]:
     known = {*vocabulary.movables, *vocabulary.furniture}
     found = []
     for text in (*target["goal"], *target["relations"]):
+        if text.startswith("in_room"):
+            continue  # a room is no object, though a bar is both
         names = {Designator.parse(part).name for part in text.split("(", 1)[1].rstrip(")").split(",")}
         found.append(names & known)
     return found

@@ -16,20 +16,13 @@ from gavel_env.scenes import scene_names
 from gavel_env.tasks.assembly import target_of
 from gavel_env.tasks.drafts import Draft, Split, pair_split
 from gavel_env.tasks.errands import Errand
-from gavel_env.tasks.language import (
-    Templates,
-    capitalise,
-    compose,
-    default_templates,
-    expand,
-    indefinite,
-    templates_for,
-    word,
-)
+from gavel_env.tasks.language import capitalise, compose, templates_for, word
 from gavel_env.tasks.pairs import Pair, generate_pairs
+from gavel_env.tasks.phrases import indefinite
 from gavel_env.tasks.placements import load_house
 from gavel_env.tasks.reading import article_errors, mentions, rooms_named, sentence_faults, unknown_words
 from gavel_env.tasks.shapes import SHAPES, draw_errand
+from gavel_env.tasks.templates import Templates, default_templates, expand
 from gavel_env.tasks.vocabulary import default_vocabulary
 
 SPLITS: tuple[Split, ...] = ("benchmark", "validation", "train")

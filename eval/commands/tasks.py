@@ -26,6 +26,9 @@ def register(subparsers: Any) -> None:
     listing = family.add_parser("list", help="one line per instruction, or figures of the set")
     listing.add_argument("sets", nargs="*", metavar="SET", help=files)
     listing.add_argument("--stats", action="store_true", help="print the figures of each set instead of its lines")
+    listing.add_argument(
+        "--orders", action="store_true", help="count the instructions that map, static and full order differently"
+    )
     listing.add_argument("--scene", help="only instructions of this scene")
     listing.set_defaults(run=_list)
 
@@ -90,6 +93,9 @@ def _list(arguments: argparse.Namespace) -> int:
         print(f"{path.name}: {len(chosen)} instructions, content {records.stamp}{rejected}")
         if arguments.stats:
             _print_figures(chosen)
+        if arguments.orders:
+            _print_orders(chosen)
+        if arguments.stats or arguments.orders:
             continue
         for record in chosen:
             print(f"{record.id}\t{len(record.tasks)}\t{len(record.reference_plan())}\t{record.text}")
@@ -117,6 +123,15 @@ def _print_figures(records: list[Instruction]) -> None:
         print(f"  clause templates     {figures.templates}")
     for name, counts in counted.items():
         print(f"  {name:<20} " + ", ".join(f"{key} {count}" for key, count in counts.items()))
+
+
+def _print_orders(records: list[Instruction]) -> None:
+    from eval.orders import METHODS, Orders
+
+    orders = Orders()
+    differ = sum(orders.differ(record) for record in records if len(record.tasks) > 1)
+    several = sum(len(record.tasks) > 1 for record in records)
+    print(f"  orders               {differ} of {several} differ between {', '.join(METHODS)}")
 
 
 def _show(arguments: argparse.Namespace) -> int:

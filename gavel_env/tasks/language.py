@@ -1,66 +1,26 @@
-"""Errands in words: clause templates, noun phrases, and how clauses become an instruction.
+"""Errands in words: how an errand becomes a clause, and clauses an instruction.
 
-Templates are data (`envs_data/templates.json`, slots explained in docs/instructions.md). Every template, wrapper and
-joining phrase belongs to one split, so that the sentences of `benchmark`, `validation` and `train` differ in form and
-not in their nouns alone. Errands of one instruction are joined without any word of order: they may be done in any.
+Templates are data. Every template, wrapper and joining phrase belongs to one split, so that the sentences of
+`benchmark`, `validation` and `train` differ in form and not in their nouns alone. Errands of one instruction are joined
+without any word of order: they may be done in any.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
-from importlib import resources
+from collections.abc import Sequence
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
-from gavel_env.errors import DataError
-from gavel_env.tasks.drafts import Reference, Split, Thing
-from gavel_env.tasks.errands import Errand, Target
+from gavel_env.tasks.drafts import Split
+from gavel_env.tasks.errands import Errand
+from gavel_env.tasks.phrases import Speaker
 from gavel_env.tasks.placements import pick
+from gavel_env.tasks.templates import CHOICE, SLOT, Templates, default_templates
 from gavel_env.tasks.vocabulary import Vocabulary, default_vocabulary
 
-__all__ = ["Templates", "Worded", "compose", "default_templates", "expand", "indefinite", "templates_for", "word"]
-
-FORMAT = "gavel-templates/1"
-
-
-class Joining(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How the clauses of a split are joined: opening words, sentences that go on, separators of lists."""
-
-    openers: tuple[str, ...]
-    next: tuple[str, ...]
-    separators: tuple[tuple[str, str], ...]
-
-
-class Templates(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The template file: clauses by group and split, wrappers and joining phrases by split."""
-
-    format: str
-    clauses: Mapping[str, Mapping[Split, tuple[str, ...]]]
-    wrappers: Mapping[str, tuple[str, ...]]
-    joins: Mapping[Split, Joining]
-
-
-@cache
-def default_templates() -> Templates:
-    """Return the shipped templates.
-
-    Raises:
-        DataError: missing file, invalid content or another format version.
-    """
-    source = resources.files("envs_data") / "templates.json"
-    try:
-        table = msgspec.json.decode(source.read_bytes(), type=Templates)
-    except OSError as error:
-        raise DataError(f"template file {source} cannot be read: {error.strerror}") from error
-    except msgspec.DecodeError as error:
-        raise DataError(f"template file {source} is malformed: {error}") from error
-    if table.format != FORMAT:
-        raise DataError(f"template file {source} has format {table.format!r}; this version reads {FORMAT!r}")
-    return table
+__all__ = ["Worded", "capitalise", "compose", "templates_for", "word"]
 
 
 class Worded(NamedTuple):
@@ -86,160 +46,7 @@ def capitalise(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def indefinite(noun: str) -> str:
-    """Return the noun with `a` or `an` as it is pronounced."""
-    sounded = re.match(r"(hour|[aeiouAEIO])", noun) and not re.match(r"(one|u[nst]i|eu)", noun)
-    return f"{'an' if sounded else 'a'} {noun}"
-
-
-# --- noun phrases ---------------------------------------------------------------------------------------------------
-
-_VERBS = {
-    "is": ("is", "are"),
-    "has": ("has", "have"),
-    "belong": ("belongs", "belong"),
-    "need": ("needs", "need"),
-    "go": ("goes", "go"),
-    "end": ("ends", "end"),
-    "get": ("gets", "get"),
-    "it": ("it", "them"),
-    "it_s": ("it", "they"),
-}
-_ON = {
-    "dst": ("on", "on", "on", "onto", "on top of"),
-    "at": ("on", "on", "on", "on top of"),
-    "loc": ("on", "on", "on", "on", "on top of"),
-}
-_IN = {
-    "dst": ("in", "in", "into", "inside"),
-    "at": ("in", "in", "in", "inside"),
-    "loc": ("in", "in", "in", "inside"),
-}
-
-
-class _Speaker:
-    """Words one errand: chooses nouns and phrases once, and says a room only at the first mention."""
-
-    def __init__(self, errand: Errand, rng: np.random.Generator, vocabulary: Vocabulary) -> None:
-        self.errand = errand
-        self.rng = rng
-        self.vocabulary = vocabulary
-        self.nouns: dict[str, str] = {}
-        self.mentioned: set[str] = set()
-
-    def noun(self, category: str) -> str:
-        if category not in self.nouns:
-            nouns = self.vocabulary.nouns(category)
-            self.nouns[category] = nouns[0] if self.rng.random() < 0.65 else pick(self.rng, nouns)
-        return self.nouns[category]
-
-    def room(self, room_type: str) -> str:
-        nouns = self.vocabulary.room_nouns(room_type)
-        return nouns[0] if self.rng.random() < 0.75 else pick(self.rng, nouns)
-
-    def piece(self, reference: Reference) -> str:
-        """Return `the countertop`, `the kitchen countertop` or `the countertop in the kitchen`."""
-        category = reference.piece.category
-        noun = self.noun(category)
-        if reference.room is None or category in self.mentioned:
-            return f"the {noun}"
-        self.mentioned.add(category)
-        room = self.room(reference.room)
-        if "'" in room or self.rng.random() < 0.45:
-            return f"the {noun} in the {room}"
-        return f"the {room} {noun}"
-
-    def thing(self, thing: Thing, *, full: bool) -> str:
-        """Return `the mug`, or in full `the mug from the coffee table`, `the mug that's in the kitchen`."""
-        bare = f"the {self.noun(thing.category)}"
-        if not full or thing.stated == "no" or thing.category in self.mentioned:
-            return bare
-        self.mentioned.add(thing.category)
-        if self.rng.random() < 0.5:
-            return f"{bare} from {self.piece_or_room(thing)}"
-        are = "that are" if self.plural(thing) else "that's"
-        return f"{bare} {are} {self.location(thing)}"
-
-    def room_phrase(self, thing: Thing) -> str:
-        return f"the {self.room(thing.start.room_type)}"
-
-    def piece_or_room(self, thing: Thing) -> str:
-        return self.room_phrase(thing) if thing.source is None else self.piece(thing.source)
-
-    def plural(self, thing: Thing) -> bool:
-        return self.vocabulary.is_plural(thing.category)
-
-    def source(self, thing: Thing) -> str:
-        """Return `from the coffee table`, `out of the fridge` or `from the kitchen`."""
-        if thing.source is None:
-            return f"from {self.room_phrase(thing)}"
-        words = ("from", "from", "out of") if thing.start.relation == "in" else ("from", "from", "off")
-        return f"{pick(self.rng, words)} {self.piece(thing.source)}"
-
-    def location(self, thing: Thing) -> str:
-        """Return `on the coffee table`, `in the fridge` or `in the kitchen`."""
-        if thing.source is None:
-            return f"in {self.room_phrase(thing)}"
-        words = _IN if thing.start.relation == "in" else _ON
-        return f"{pick(self.rng, words['loc'])} {self.piece(thing.source)}"
-
-    def target(self, target: Target, slot: str) -> str:
-        if slot == "to":
-            return f"to {self.piece(target.reference)}"
-        words = _IN if target.relation == "in" else _ON
-        return f"{pick(self.rng, words[slot])} {self.piece(target.reference)}"
-
-    def appliance_phrase(self, reference: Reference) -> str:
-        """Return `in the oven` or `on the stove`."""
-        goes_in = any(f"PLACE_INSIDE({reference.piece.id})" == step for step in self.errand.plan)
-        return f"{'in' if goes_in else 'on'} {self.piece(reference)}"
-
-    def slot(self, name: str) -> str:
-        """Return the words for a slot of a template.
-
-        Raises:
-            DataError: the template names no such slot.
-        """
-        errand, base, which = self.errand, name.rstrip("2"), 1 if name.endswith("2") else 0
-        if base in _VERBS:
-            return _VERBS[base][self.plural(errand.things[which])]
-        if base in ("dst", "at", "to"):
-            return self.target(errand.targets[which], base)
-        if name == "from":
-            return f"from {self.piece_or_room(errand.things[0])}"
-        if base in ("loc", "src"):
-            return self.location(errand.things[which]) if base == "loc" else self.source(errand.things[which])
-        if name in ("x", "y", "z", "x0", "y0", "z0"):
-            return self.thing(errand.things["xyz".index(name[0])], full=len(name) == 1)
-        if name in ("a_x0", "a_y0"):
-            thing = errand.things["xy".index(name[2])]
-            noun = self.noun(thing.category)
-            return f"some {noun}" if self.plural(thing) else indefinite(noun)
-        if name in ("m", "m2"):
-            return self.piece(errand.appliances[which])
-        if name == "app":
-            return self.appliance_phrase(errand.appliances[0])
-        if name == "l" and errand.switch is not None:
-            return self.piece(errand.switch)
-        if name == "f_src" and errand.things[0].source is not None:
-            return self.piece(errand.things[0].source)
-        raise DataError(f"template slot {{{name}}} has nothing to stand for in an errand of shape {errand.shape!r}")
-
-
 # --- templates ------------------------------------------------------------------------------------------------------
-
-_CHOICE = re.compile(r"\[([^\[\]]*)\]")
-_SLOT = re.compile(r"\{(\w+)\}")
-
-
-def expand(template: str) -> Iterator[str]:
-    """Yield every template that the choices `[a|b]` of one stand for."""
-    match = _CHOICE.search(template)
-    if match is None:
-        yield template
-        return
-    for option in match.group(1).split("|"):
-        yield from expand(template[: match.start()] + option + template[match.end() :])
 
 
 def _groups(errand: Errand) -> tuple[str, ...]:
@@ -310,9 +117,9 @@ def word(
     if imperative_only:
         options = [t for t in options if not t.startswith("=") and not re.search(r"[;:,]", t)] or options
     template = pick(rng, options)
-    chosen = _CHOICE.sub(lambda m: pick(rng, m.group(1).split("|")), template)
-    speaker = _Speaker(errand, rng, vocabulary)
-    clause = _SLOT.sub(lambda m: speaker.slot(m.group(1)), chosen.removeprefix("=").strip())
+    chosen = CHOICE.sub(lambda m: pick(rng, m.group(1).split("|")), template)
+    speaker = Speaker(errand, rng, vocabulary)
+    clause = SLOT.sub(lambda m: speaker.slot(m.group(1)), chosen.removeprefix("=").strip())
     if errand.shape == "carry_two_and_switch" and errand.switch is not None:
         verb = pick(rng, ("switch on", "turn on"))
         link = pick(rng, (", then ", "; also ", ", and ")) if not template.startswith("=") else "; also "

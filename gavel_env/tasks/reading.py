@@ -8,7 +8,8 @@ from functools import cache
 from typing import NamedTuple
 
 from gavel_env.goals import Predicate, parse_literal
-from gavel_env.tasks.language import default_templates, expand, indefinite
+from gavel_env.tasks.phrases import indefinite
+from gavel_env.tasks.templates import default_templates, expand
 from gavel_env.tasks.vocabulary import default_vocabulary
 
 __all__ = ["Mention", "article_errors", "mentions", "rooms_named", "sentence_faults", "unknown_words"]
