@@ -67,10 +67,15 @@ class TravelModel:
         self.index = {room: i for i, room in enumerate(self.rooms)}
         self.room_m = np.array([[layout.room_distance(a, b) or 0.0 for b in self.rooms] for a in self.rooms])
         self.search_m = np.array([layout.traversable_m2(r) for r in self.rooms]) / coverage_width_m
+        self._places: dict[int, Place] = {}
+        self._between_m: dict[tuple[int, int], float] = {}
 
     def at(self, cell: int) -> Place:
         """Return the place of a reachable map cell."""
-        return Place(np.array([self.layout.distance_to_room(cell, r) or 0.0 for r in self.rooms]), cell=cell)
+        if cell not in self._places:
+            to_rooms_m = np.array([self.layout.distance_to_room(cell, r) or 0.0 for r in self.rooms])
+            self._places[cell] = Place(to_rooms_m, cell=cell)
+        return self._places[cell]
 
     def among(self, belief: Floats) -> Place:
         """Return the place of a robot that has gone to something with this belief, (rooms,)."""
@@ -101,7 +106,10 @@ class TravelModel:
     def known_cost(self, start: Place, cell: int) -> float:
         """Return C_loc(q, o) = d_nav(q, p_o): metres to a localised object's map cell."""
         if start.cell is not None:
-            return 0.0 if start.cell == cell else self.layout.distance(start.cell, (cell,)) or 0.0
+            ends = (min(start.cell, cell), max(start.cell, cell))
+            if ends not in self._between_m:
+                self._between_m[ends] = self.layout.distance(ends[0], ends[1:]) or 0.0
+            return self._between_m[ends]
         assert start.belief is not None
         return float(start.belief @ self.at(cell).to_rooms_m)
 

@@ -18,8 +18,7 @@ def register(subparsers: Any) -> None:
     parser.add_argument("--out", required=True, metavar="FILE.jsonl.gz", help="the recording; an existing one goes on")
     parser.add_argument("--agents", default=_AGENTS, metavar="A,B", help=f"default: {_AGENTS}")
     parser.add_argument("--instructions", default="single", metavar="NAME", help="shipped file or path")
-    parser.add_argument("--every", type=int, default=1, metavar="K", help="only every K-th instruction")
-    parser.add_argument("--limit", type=int, metavar="N", help="only the first N of them")
+    parser.add_argument("--sample", type=int, metavar="N", help="only N instructions, drawn by the hash of their ids")
     parser.add_argument("--prior", default="choice", metavar="NAME", help="location prior (default: choice)")
     parser.add_argument("--threads", type=int, default=2, metavar="N", help="prompts at the same time (default: 2)")
     parser.set_defaults(run=_run)
@@ -27,13 +26,14 @@ def register(subparsers: Any) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from eval.recording import record
+    from eval.sampling import sample
     from gavel_agents.llm import load_model
     from gavel_agents.llm.replay import RecordingModel, compact
     from gavel_env.instructions import read_instructions, shipped
 
     source = arguments.instructions
     instructions = read_instructions(source if source.endswith(".jsonl") else shipped(source))
-    chosen = list(instructions)[:: arguments.every][: arguments.limit]
+    chosen = list(instructions) if arguments.sample is None else sample(list(instructions), arguments.sample)
     agents = arguments.agents.split(",")
     model = RecordingModel(load_model(arguments.planner), arguments.out)
     begun = time.monotonic()
