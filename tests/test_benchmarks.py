@@ -11,13 +11,14 @@ import msgspec
 import pytest
 
 from eval.cli import main
+from eval.orders import METHODS, Orders
 from gavel_env.goals import Designator
 from gavel_env.instructions import Instruction, InstructionSet, read_instructions, shipped
 from gavel_env.tasks.broken import LEAST, broken_path, read_broken
 from gavel_env.tasks.certificate import certify_set
 from gavel_env.tasks.drafts import pair_split
 from gavel_env.tasks.pairs import PairSet, read_pairs
-from gavel_env.tasks.recipes import HOUSES, single_benchmark
+from gavel_env.tasks.recipes import DIFFER, HOUSES, single_benchmark
 from gavel_env.tasks.statistics import Statistics, needs_appliance, statistics
 from gavel_env.tasks.templates import default_templates, expand
 from gavel_env.tasks.vocabulary import default_vocabulary
@@ -69,6 +70,20 @@ def test_multi_tasks_are_as_described(figures: dict[str, Statistics]) -> None:
     assert found.appliance == pytest.approx(199, abs=5)
     assert found.room_unsaid == pytest.approx(0.54, abs=0.02)
     assert found.templates >= 90
+
+
+def test_ordering_methods_differ_on_seven_in_ten(sets: dict[str, InstructionSet]) -> None:
+    noted = [record.meta["orders_differ"] for record in sets["multi"].values()]
+    assert sum(noted) / len(noted) == pytest.approx(DIFFER, abs=0.03)
+
+
+def test_orders_are_found_by_running_the_methods(sets: dict[str, InstructionSet]) -> None:
+    orders = Orders()
+    for record in list(sets["multi"].values())[::100]:
+        found = orders.of(record)
+        assert set(found) == set(METHODS)
+        assert all(sorted(order) == list(range(len(record.tasks))) for order in found.values())
+        assert orders.differ(record) == (len(set(found.values())) > 1)
 
 
 def test_appliance_instructions_are_those_with_a_conferred_literal(sets: dict[str, InstructionSet]) -> None:

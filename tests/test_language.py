@@ -137,9 +137,7 @@ def test_articles_follow_the_sound(noun: str, article: str) -> None:
 
 
 def test_mentions_take_the_longest_noun_and_leave_verbs_alone() -> None:
-    text = (
-        "Wash the dish towel, iron it, and take the bar of soap from the chair in the bar area to the table lamp."
-    )
+    text = "Wash the dish towel, iron it, and take the bar of soap from the chair in the bar area to the table lamp."
     assert [m.category for m in mentions(text)] == ["dishtowel", "bar_soap", "straight_chair", "table_lamp"]
     assert rooms_named("the living room sofa and the child's room bed") == ["living_room", "childs_room"]
 
