@@ -14,7 +14,7 @@ from gavel_agents.llm import BadPlannerSpec
 from gavel_agents.methods import METHODS
 from gavel_env.errors import UnknownAgent
 
-__all__ = ["ORDER", "choose", "default_agents", "default_planners", "needs_planner"]
+__all__ = ["ORDER", "choose", "compared_by_default", "default_agents", "default_planners", "needs_planner"]
 
 ORDER = ("llm-only", "sayplan", "epog", "gavel-basic", "gavel-map", "gavel-static", "gavel-full", "oracle")
 """Rows of a table, as the paper has them."""
@@ -33,9 +33,20 @@ def default_agents(planners: Sequence[str]) -> tuple[str, ...]:
 
 
 def default_planners(kinds: Sequence[str]) -> tuple[str, ...]:
-    """Return the shipped recordings of real runs, each for the kind of instructions that it is named after."""
+    """Return, for each kind of instructions, the shipped recording of a real model, else the reference plans.
+
+    With reference plans in a model's place (no model at all) only what comes after the plan is compared: belief, search
+    and order.
+    """
     folder = resources.files("envs_data") / "recordings"
-    return tuple(f"{kind}=replay:{kind}" for kind in kinds if (folder / f"{kind}.jsonl.gz").is_file())
+    recorded = {kind: (folder / f"{kind}.jsonl.gz").is_file() for kind in kinds}
+    return tuple(f"{kind}=replay:{kind}" if there else f"{kind}=reference:{kind}" for kind, there in recorded.items())
+
+
+def compared_by_default(contestant: Contestant) -> bool:
+    """Return whether a contestant says something without being asked for: plans as written need a model's plans."""
+    given = contestant.planner.startswith("reference:")
+    return not given or METHODS[contestant.agent].order != "written"
 
 
 def choose(

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eval.contestants import choose, default_planners
+from eval.contestants import choose, compared_by_default, default_planners
 from eval.episodes import EnvironmentSettings, simplified
 from eval.formats import to_csv
 from eval.journal import read_records
@@ -263,7 +263,18 @@ def test_a_planner_can_be_for_one_kind() -> None:
     assert (one.planner, one.kinds) == ("reference:multi", ("multi",))
     assert (other.planner, other.kinds) == ("reference:single", ())
     assert epog.planner == ""
-    assert default_planners(("no such kind",)) == ()
+
+
+def test_without_a_planner_recordings_serve_or_reference_plans_where_only_order_is_compared() -> None:
+    assert default_planners(("no such kind",)) == ("no such kind=reference:no such kind",)
+    agents = ["llm-only", "gavel-basic", "gavel-map", "epog", "oracle"]
+    chosen = choose(agents, SETTINGS, planners=["multi=reference:multi", "single=replay:single"])
+    kept = [(c.agent, c.planner) for c in filter(compared_by_default, chosen)]
+    assert ("gavel-map", "reference:multi") in kept
+    assert ("llm-only", "replay:single") in kept
+    assert ("llm-only", "reference:multi") not in kept
+    assert ("gavel-basic", "reference:multi") not in kept
+    assert {"epog", "oracle"} <= {agent for agent, _ in kept}
 
 
 def test_unknown_agents_and_missing_planners_are_said_before_anything_runs(instructions: Path, tmp_path: Path) -> None:

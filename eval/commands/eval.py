@@ -105,7 +105,7 @@ def _positive(text: str) -> int:
 
 
 def _eval(arguments: argparse.Namespace) -> int:
-    from eval.contestants import choose, default_agents, default_planners
+    from eval.contestants import choose, compared_by_default, default_agents, default_planners
     from eval.episodes import EnvironmentSettings
     from eval.formats import render
     from eval.journal import read_records
@@ -125,6 +125,8 @@ def _eval(arguments: argparse.Namespace) -> int:
         understanding=arguments.understanding,
         prior=arguments.prior,
     )
+    if not arguments.agents:
+        contestants = tuple(filter(compared_by_default, contestants))
     plan = schedule(
         contestants,
         _files(arguments.instructions, kind),
