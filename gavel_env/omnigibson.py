@@ -194,6 +194,9 @@ def _assemble(
     name: str, layout: Layout, solids: list[_Solid], left_out: list[tuple[str, str, str, str]], ontology: Ontology
 ) -> Scene:
     numbers: Counter[str] = Counter()
+    for room in layout.rooms:
+        stem, _, index = room.id.rpartition("_")
+        numbers[stem] = max(numbers[stem], int(index) + 1)
     ids: dict[str, str] = {}
     for solid in solids:
         category = solid.source.category

@@ -160,6 +160,8 @@ def check_scene(scene: Scene, place: str) -> None:
     if len(set(names)) != len(names):
         twice = next(n for n in names if names.count(n) > 1)
         raise SceneError(f"{place}: two objects share the id {twice!r}")
+    if both := sorted(rooms.intersection(names)):
+        raise SceneError(f"{place}: {both[0]!r} is the id of a room and of an object")
     for room in scene.rooms:
         if len(room.polygon) < 3:
             raise SceneError(f"{place}: room {room.id!r} has {len(room.polygon)} corners; a polygon needs 3")

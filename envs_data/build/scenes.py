@@ -124,8 +124,11 @@ def _lay_out(room: Contents, outline: Outline, polygons: dict[str, Any], house: 
 
 
 def _furniture(layouts: dict[str, RoomLayout]) -> tuple[tuple[Furniture, ...], Counter[str]]:
-    """Number the pieces: rooms by name, then category, model, y, x."""
+    """Number the pieces: rooms by name, then category, model, y, x; no piece gets the id of a room (`bar_0`)."""
     numbers: Counter[str] = Counter()
+    for room in layouts:
+        stem, _, index = room.rpartition("_")
+        numbers[stem] = max(numbers[stem], int(index) + 1)
     found: list[Furniture] = []
     for room in sorted(layouts):
         placed = layouts[room].placed
