@@ -101,6 +101,8 @@ def _cheapest(state: Privileged, plans: Sequence[Sequence[Action]]) -> tuple[int
     goal: Goal = state.instruction.goal()
     driven = _Driven(state)
     written = tuple(range(len(plans)))
+    if len(plans) < 2:
+        return written
     best: tuple[float, tuple[int, ...]] = (float("inf"), written)
 
     def grow(order: tuple[int, ...], metres: float, graph: SceneGraph, cell: int) -> None:

@@ -1,1 +1,20 @@
-"""BEHAVIOR activities: their definitions, and how they are grounded in scenes and worded."""
+"""BEHAVIOR activities: their definitions, and how they are grounded in scenes and worded (docs/behavior.md)."""
+
+from __future__ import annotations
+
+from gavel_env.activities.definitions import Activities, Activity, UnknownActivity, load_activities
+from gavel_env.activities.grounding import Grounding, ground
+from gavel_env.activities.scope import Ungroundable
+from gavel_env.activities.wording import text_of, title_of
+
+__all__ = [
+    "Activities",
+    "Activity",
+    "Grounding",
+    "Ungroundable",
+    "UnknownActivity",
+    "ground",
+    "load_activities",
+    "text_of",
+    "title_of",
+]

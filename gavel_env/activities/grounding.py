@@ -147,7 +147,12 @@ class _Grounder:
 
     def _new_ids(self, names: list[str]) -> dict[str, str]:
         counts: dict[str, int] = {}
-        for obj in [f.id for f in self.scene.furniture] + [i.id for i in self.scene.items]:
+        taken = [
+            *(f.id for f in self.scene.furniture),
+            *(i.id for i in self.scene.items),
+            *(r.id for r in self.scene.rooms),
+        ]
+        for obj in taken:
             stem = category_of(obj)
             index = int(obj.rsplit("_", 1)[1]) + 1 if obj != stem else 0
             counts[stem] = max(counts.get(stem, 0), index)
