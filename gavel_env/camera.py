@@ -18,7 +18,7 @@ _PIXELS_PER_M = 40.0
 
 @lru_cache(maxsize=4)
 def _picture(scene: Scene) -> ScenePicture:
-    return ScenePicture(scene, pixels_per_m=_PIXELS_PER_M, caption_lines=2)
+    return ScenePicture(scene, pixels_per_m=_PIXELS_PER_M, caption_lines=3)
 
 
 class EpisodeCamera:

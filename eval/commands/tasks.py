@@ -165,7 +165,7 @@ def _draw(record: Instruction, path: Path) -> None:
     markers = tuple(Marker(x, y, name) for name, (x, y) in driven.starts.items())
     caption = f"{len(record.reference_plan())} primitives, {driven.metres:.1f} m"
     view = EpisodeView(trail=driven.route(), markers=markers, caption=(record.text, caption))
-    save_png(draw_episode_frame(ScenePicture(scene, caption_lines=2), view), path)
+    save_png(draw_episode_frame(ScenePicture(scene, caption_lines=5), view), path)
     print(f"\n{path}: {caption}")
 
 

@@ -198,10 +198,36 @@ def _draw_chip(image: Image, corner: Point, text: str, colour: Rgb) -> None:
 
 
 def _draw_caption(image: Image, picture: ScenePicture, lines: tuple[str, ...]) -> None:
+    """Write the caption, long lines broken at words; the last line always fits in."""
     left, top = picture.caption_at
     room_px = image.shape[1] - 2 * left
-    for i, line in enumerate(lines[: picture.caption_lines]):
-        shown = line
-        while text_size(shown, _CAPTION_SIZE_PX)[0] > room_px and len(shown) > 2:
-            shown = shown[:-2].rstrip() + "…"
-        write(image, shown, (left, top + 16 + 22 * i), _CAPTION_SIZE_PX, INK, 500 if i == 0 else 400)
+    rows: list[tuple[str, int]] = []
+    for i, line in enumerate(lines):
+        weight = 500 if i == 0 else 400
+        broken = _broken(line, room_px, weight)
+        room = max(1, picture.caption_lines - len(rows) - (len(lines) - 1 - i))
+        if len(broken) > room:
+            broken = [*broken[: room - 1], _cut(" ".join(broken[room - 1 :]), room_px, weight)]
+        rows += [(text, weight) for text in broken]
+    for i, (text, weight) in enumerate(rows[: picture.caption_lines]):
+        write(image, text, (left, top + 16 + 22 * i), _CAPTION_SIZE_PX, INK, weight)
+
+
+def _broken(line: str, room_px: int, weight: int) -> list[str]:
+    """Break a line at words so that each part is at most `room_px` wide."""
+    parts = [""]
+    for word in line.split():
+        longer = f"{parts[-1]} {word}".strip()
+        if parts[-1] and text_size(longer, _CAPTION_SIZE_PX, weight)[0] > room_px:
+            parts.append(word)
+        else:
+            parts[-1] = longer
+    return parts
+
+
+def _cut(line: str, room_px: int, weight: int) -> str:
+    """Shorten a line with an ellipsis until it is at most `room_px` wide."""
+    shown = line
+    while text_size(shown, _CAPTION_SIZE_PX, weight)[0] > room_px and len(shown) > 2:
+        shown = shown[:-2].rstrip() + "…"
+    return shown
