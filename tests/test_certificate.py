@@ -308,3 +308,18 @@ def test_bad_ranges_are_refused(span: str, capsys: pytest.CaptureFixture[str]) -
 
 def test_every_check_says_what_it_means() -> None:
     assert all(CHECKS.values())
+
+
+def test_the_documented_instruction_is_certified() -> None:
+    page = (Path(__file__).parent.parent / "docs" / "instructions.md").read_text("utf-8")
+    blocks = page.split("```json\n")[1:]
+    record = msgspec.json.decode(blocks[0].split("```")[0].encode(), type=Instruction)
+    target = msgspec.json.decode(blocks[1].split("```")[0].encode())
+    assert certify(record) == ()
+    said = msgspec.structs.replace(
+        record,
+        text=target["text"],
+        tasks=(msgspec.structs.replace(record.tasks[0], text=target["text"]),),
+        meta={"targets": [target]},
+    )
+    assert certify(said) == ()
