@@ -60,7 +60,10 @@ class ChatModel(Protocol):
 
 # kind -> (module, class); the module is imported only when the kind is asked for.
 _KINDS: dict[str, tuple[str, str]] = {
+    "anthropic": ("gavel_agents.llm.anthropic", "AnthropicModel"),
     "gguf": ("gavel_agents.llm.gguf", "GgufModel"),
+    "hf": ("gavel_agents.llm.hf", "HfModel"),
+    "openai": ("gavel_agents.llm.openai", "OpenAIModel"),
     "reference": ("gavel_agents.llm.reference", "ReferencePlans"),
     "replay": ("gavel_agents.llm.replay", "ReplayModel"),
     "scripted": ("gavel_agents.llm.scripted", "ScriptedModel"),

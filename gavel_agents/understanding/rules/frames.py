@@ -231,9 +231,7 @@ class _Reader:
                 return
             room, token = token.value, following
             self.position += 1
-        if "|" in token.value:
-            raise Abstention("ambiguous", f"{token.text!r} could be {', '.join(token.value.split('|'))}")
-        entity = Entity(token.value)
+        entity = _entity(token)
         if not entity.movable:
             entity = Entity(token.value, room or self.room_after())
         self.put(entity)
@@ -293,7 +291,7 @@ class _Reader:
         if target is None or stated is None or target.kind is not Kind.NOUN or stated.kind is not Kind.FACT:
             raise Abstention("unparsed", "'where' without a thing that is somewhere")
         self.position += 2
-        owner = Entity(target.value)
+        owner = _entity(target)
         self.frame.elements.append(Phrase("where", owner))
         ahead = 1 if self.kind() is Kind.COMMA else 0
         leading = self.peek(ahead)
@@ -351,6 +349,17 @@ class _Reader:
             negated = frame.negated and frame.empty
             self.close()
             self.frame.verb, self.frame.word, self.frame.negated = token.value, token.text, negated
+
+
+def _entity(token: Token) -> Entity:
+    """Return the noun phrase of a noun.
+
+    Raises:
+        Abstention: it could mean several categories.
+    """
+    if "|" in token.value:
+        raise Abstention("ambiguous", f"{token.text!r} could be {', '.join(token.value.split('|'))}")
+    return Entity(token.value)
 
 
 def _completes(token: Token, frame: Frame, *, participle: bool, infinitive: bool) -> bool:

@@ -1,0 +1,167 @@
+"""Models of the transformers library (`hf:NAME_OR_PATH[?adapter=PATH&quantize=4bit&batch=8]`).
+
+The model's own chat template, with thinking switched off where the template knows it and stripped where it does not;
+greedy decoding; prompts in batches of similar length; bfloat16 on CUDA, float32 elsewhere.
+"""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qsl
+
+from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt
+from gavel_agents.llm.hosted import ModelError
+
+__all__ = ["HfModel", "without_thinking"]
+
+_OPTIONS = ("adapter", "quantize", "batch", "max_tokens")
+_THINKING = re.compile(r"<(think|thinking|reasoning)>.*?(</\1>|\Z)", re.DOTALL | re.IGNORECASE)
+_HEADLESS = re.compile(r"\A.*?</(?:think|thinking|reasoning)>", re.DOTALL | re.IGNORECASE)
+
+
+def without_thinking(text: str) -> str:
+    """Return an answer without its thinking, also where only the end of the thinking is marked."""
+    return _HEADLESS.sub("", _THINKING.sub("", text)).strip()
+
+
+class HfModel:
+    """A local chat model; calls from several threads take turns."""
+
+    def __init__(self, argument: str) -> None:
+        """Load model, tokenizer and adapter.
+
+        Raises:
+            BadPlannerSpec: unknown option, no chat template, 4 bits without CUDA, or packages that are not installed.
+            ModelError: there is no such model or adapter.
+        """
+        source, options = _options(argument)
+        try:
+            import torch
+            import transformers
+        except ImportError as error:
+            raise BadPlannerSpec("planner hf:… needs torch and transformers: pip install 'gavel-env[llm]'") from error
+        cuda = torch.cuda.is_available()
+        loading: dict[str, Any] = {"dtype": torch.bfloat16 if cuda else torch.float32}
+        if options.get("quantize") == "4bit":
+            if not cuda:
+                raise BadPlannerSpec(f"planner hf:{argument}: 4 bits need a CUDA device")
+            four_bits: Any = transformers.BitsAndBytesConfig
+            loading["quantization_config"] = four_bits(
+                load_in_4bit=True, bnb_4bit_quant_type="nf4", bnb_4bit_compute_dtype=torch.bfloat16
+            )
+        try:
+            tokenizer: Any = transformers.AutoTokenizer.from_pretrained(source, padding_side="left")
+            model: Any = transformers.AutoModelForCausalLM.from_pretrained(source, **loading)
+            if "adapter" in options:
+                import peft
+
+                model = peft.PeftModel.from_pretrained(model, options["adapter"])
+        except (OSError, ValueError) as error:
+            raise ModelError(f"hf:{source} cannot be loaded: {' '.join(str(error).split())[:300]}") from error
+        if not tokenizer.chat_template:
+            raise BadPlannerSpec(f"planner hf:{source}: the model has no chat template; take its instruction-tuned one")
+        if tokenizer.pad_token_id is None:
+            tokenizer.pad_token = tokenizer.eos_token
+        if "quantize" not in options:
+            model = model.to("cuda" if cuda else "cpu")
+        self._torch, self._tokenizer, self._model = torch, tokenizer, model.eval()
+        self._batch = int(options.get("batch", 8))
+        self._max_tokens = int(options.get("max_tokens", 400))
+        self._context = int(getattr(model.config, "max_position_embeddings", 0) or 1 << 30)
+        self._turn = threading.Lock()
+        self.name = Path(source).name + (f"+{Path(options['adapter']).name}" if "adapter" in options else "")
+        self.decoding: Mapping[str, str | float | int] = {
+            "max_tokens": self._max_tokens,
+            "temperature": 0.0,
+            "weights": options.get("quantize", str(loading["dtype"]).removeprefix("torch.")),
+        }
+
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
+        """Return one completion per prompt, in order.
+
+        Raises:
+            ModelError: a prompt does not fit the model's context.
+        """
+        texts = [self.render(prompt) for prompt in prompts]
+        lengths = [len(self._tokenizer(t, add_special_tokens=False)["input_ids"]) for t in texts]
+        for prompt, length in zip(prompts, lengths, strict=True):
+            if length + self._max_tokens > self._context:
+                raise ModelError(
+                    f"hf:{self.name}: the prompt of {prompt.instruction_id!r} has {length} tokens; with "
+                    f"{self._max_tokens} new ones that is more than the model's {self._context}"
+                )
+        order = sorted(range(len(texts)), key=lambda i: (lengths[i], i))
+        done: dict[int, Completion] = {}
+        with self._turn:
+            for start in range(0, len(order), self._batch):
+                chosen = order[start : start + self._batch]
+                for index, completion in zip(chosen, self._generate([texts[i] for i in chosen]), strict=True):
+                    done[index] = completion
+        return [done[i] for i in range(len(texts))]
+
+    def render(self, prompt: Prompt) -> str:
+        """Return the conversation as the model's chat template writes it, thinking switched off."""
+        turns = [{"role": m.role, "content": m.content} for m in prompt.messages]
+        return str(
+            self._tokenizer.apply_chat_template(
+                turns, tokenize=False, add_generation_prompt=True, enable_thinking=False
+            )
+        )
+
+    def _generate(self, texts: Sequence[str]) -> list[Completion]:
+        """Continue texts of similar length in one batch."""
+        start = time.perf_counter()
+        batch = self._tokenizer(list(texts), return_tensors="pt", padding=True, add_special_tokens=False)
+        batch = {name: tensor.to(self._model.device) for name, tensor in batch.items() if name != "token_type_ids"}
+        with self._torch.inference_mode():
+            whole = self._model.generate(
+                **batch,
+                max_new_tokens=self._max_tokens,
+                do_sample=False,
+                temperature=None,
+                top_p=None,
+                top_k=None,
+                pad_token_id=self._tokenizer.pad_token_id,
+            )
+        seconds = (time.perf_counter() - start) / len(texts)
+        answers = whole[:, batch["input_ids"].shape[1] :]
+        prompts = batch["attention_mask"].sum(dim=1)
+        return [
+            Completion(
+                without_thinking(self._tokenizer.decode(answer, skip_special_tokens=True)),
+                int(count),
+                self._length(answer.tolist()),
+                seconds,
+            )
+            for answer, count in zip(answers, prompts, strict=True)
+        ]
+
+    def _length(self, answer: list[int]) -> int:
+        """Return the tokens of an answer up to and with its end."""
+        end = self._model.generation_config.eos_token_id
+        ends = {end} if isinstance(end, int) else set(end or ())
+        stop = next((i for i, token in enumerate(answer) if token in ends), len(answer) - 1)
+        return stop + 1
+
+
+def _options(argument: str) -> tuple[str, dict[str, str]]:
+    """Read `NAME_OR_PATH?option=value&…`.
+
+    Raises:
+        BadPlannerSpec: an option or value that is not known.
+    """
+    source, _, query = argument.partition("?")
+    options = dict(parse_qsl(query, keep_blank_values=True))
+    for name, value in options.items():
+        if name not in _OPTIONS:
+            raise BadPlannerSpec(f"unknown option {name!r} in hf:{argument}; known: {', '.join(_OPTIONS)}")
+        if name == "quantize" and value != "4bit":
+            raise BadPlannerSpec(f"hf:{argument}: quantize is {value!r}; known: 4bit")
+        if name in ("batch", "max_tokens") and not (value.isdecimal() and int(value) > 0):
+            raise BadPlannerSpec(f"hf:{argument}: {name} is {value!r}, no whole number above 0")
+    return source, options

@@ -1,0 +1,103 @@
+"""OpenAI-compatible servers (`openai:MODEL[@BASE_URL]`): vLLM, llama.cpp, transformers serve, hosted services."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt
+from gavel_agents.llm.hosted import MalformedAnswer, Retries, complete_all, endpoint_of, key_of, retried
+
+__all__ = ["OpenAIModel"]
+
+_KEY = "OPENAI_API_KEY"
+_REASONING = re.compile(r"(o\d|gpt-5)")
+
+
+class OpenAIModel:
+    """A chat model behind the chat-completions interface.
+
+    The service's own reasoning models take no temperature; of others, decoding is greedy.
+    """
+
+    def __init__(
+        self,
+        argument: str,
+        *,
+        max_tokens: int = 400,
+        retries: Retries | None = None,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """Prepare a client; nothing is sent before the first prompt.
+
+        Args:
+            argument: `MODEL` or `MODEL@BASE_URL`; the key is that of the environment variable OPENAI_API_KEY.
+            max_tokens: new tokens at most.
+            retries: how often and how patiently requests are made again.
+            sleep: replaced in tests.
+
+        Raises:
+            BadPlannerSpec: no model, no key, or the package openai is not installed.
+        """
+        endpoint = endpoint_of(argument, "openai")
+        key = key_of(_KEY, endpoint, "openai")
+        try:
+            import openai
+        except ImportError as error:
+            raise BadPlannerSpec(
+                "planner openai:… needs the package openai: pip install 'gavel-env[hosted]'"
+            ) from error
+        self.name = endpoint.label
+        limit = "max_tokens" if endpoint.base_url else "max_completion_tokens"
+        decoding: dict[str, str | float | int] = {limit: max_tokens}
+        if endpoint.base_url or not _REASONING.match(endpoint.model):
+            decoding["temperature"] = 0.0
+        self.decoding: Mapping[str, str | float | int] = decoding
+        self._sdk, self._endpoint, self._sleep = openai, endpoint, sleep
+        self._retries = retries or Retries()
+        client: Any = openai.OpenAI(
+            api_key=key, base_url=endpoint.base_url, timeout=self._retries.timeout_s, max_retries=0
+        )
+        self._create = client.chat.completions.create
+        self._secret: Callable[[], str] = lambda: key
+
+    def __repr__(self) -> str:
+        return f"OpenAIModel({self.name!r})"
+
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
+        """Return one completion per prompt, in order.
+
+        Raises:
+            ModelError: the server refuses, or still fails after all retries.
+        """
+        return complete_all(self._complete_one, prompts)
+
+    def _complete_one(self, prompt: Prompt) -> Completion:
+        return retried(
+            lambda: self._request(prompt),
+            sdk=self._sdk,
+            who=f"openai:{self._endpoint.model}",
+            key_variable=_KEY,
+            secret=self._secret(),
+            retries=self._retries,
+            sleep=self._sleep,
+        )
+
+    def _request(self, prompt: Prompt) -> Completion:
+        start = time.perf_counter()
+        messages = [{"role": m.role, "content": m.content} for m in prompt.messages]
+        answer = self._create(model=self._endpoint.model, messages=messages, **self.decoding)
+        choices = getattr(answer, "choices", None)
+        message = getattr(choices[0], "message", None) if isinstance(choices, list) and choices else None
+        text = getattr(message, "content", None)
+        if not isinstance(text, str):
+            raise MalformedAnswer(f"{str(answer)[:80]!r} has no message")
+        usage = getattr(answer, "usage", None)
+        return Completion(
+            text,
+            int(getattr(usage, "prompt_tokens", 0) or 0),
+            int(getattr(usage, "completion_tokens", 0) or 0),
+            time.perf_counter() - start,
+        )

@@ -1,0 +1,122 @@
+"""A loopback server that speaks as hosted models do, or fails in the ways that they do."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+__all__ = ["Faults", "faulty_server"]
+
+
+@dataclass
+class Faults:
+    """What the server does next, request by request, and what it was asked.
+
+    Attributes:
+        script: names of faults; the last request's answer is good.
+        url: base address.
+        asked: bodies of the requests.
+        keys: what the requests authenticated with.
+        slow_s: how long a `slow` answer takes.
+    """
+
+    script: list[str] = field(default_factory=list)
+    url: str = ""
+    asked: list[dict[str, Any]] = field(default_factory=list)
+    keys: list[str] = field(default_factory=list)
+    slow_s: float = 1.0
+
+
+_STATUS = {"429": 429, "500": 500, "503": 503, "401": 401, "403": 403, "404": 404, "400": 400, "529": 529}
+
+
+def _good(path: str, body: dict[str, Any]) -> dict[str, Any]:
+    """Return an answer that repeats the last message, in the service's own form."""
+    text = f"echo: {body['messages'][-1]['content']}"
+    if path.endswith("/messages"):
+        return {
+            "id": "m",
+            "type": "message",
+            "role": "assistant",
+            "model": body["model"],
+            "content": [{"type": "text", "text": text}],
+            "stop_reason": "end_turn",
+            "stop_sequence": None,
+            "usage": {"input_tokens": 7, "output_tokens": 3},
+        }
+    message = {"index": 0, "finish_reason": "stop", "message": {"role": "assistant", "content": text}}
+    usage = {"prompt_tokens": 7, "completion_tokens": 3, "total_tokens": 10}
+    return {"id": "c", "object": "chat.completion", "created": 0, "model": body["model"], "choices": [message],
+            "usage": usage}  # fmt: skip
+
+
+def _handler(faults: Faults) -> type[BaseHTTPRequestHandler]:
+    turn = threading.Lock()
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+            key = self.headers.get("Authorization", "") + self.headers.get("x-api-key", "")
+            with turn:
+                faults.asked.append(body)
+                faults.keys.append(key)
+                fault = faults.script.pop(0) if faults.script else "good"
+            if fault == "slow":
+                time.sleep(faults.slow_s)
+            if fault == "cut":
+                self.reply(200, b'{"id": "c", "choi', length=500)
+            elif fault == "nonsense":
+                self.reply(200, b"<html>It works!</html>", kind="text/html")
+            elif fault == "no json":
+                self.reply(200, b'{"id": ')
+            elif fault == "no choices":
+                self.reply(200, b'{"id": "c", "object": "chat.completion", "choices": [], "content": []}')
+            elif fault == "null":
+                self.reply(200, b"null")
+            elif fault in _STATUS:
+                # Some services quote the key they were sent.
+                error = {"error": {"message": f"fault {fault}; you sent {key}", "type": "fault"}}
+                self.reply(_STATUS[fault], json.dumps(error).encode())
+            else:
+                self.reply(200, json.dumps(_good(self.path, body)).encode())
+
+        def reply(self, status: int, content: bytes, *, kind: str = "application/json", length: int = 0) -> None:
+            try:
+                self.send_response(status)
+                self.send_header("Content-Type", kind)
+                self.send_header("Content-Length", str(length or len(content)))
+                if status == 429:
+                    self.send_header("Retry-After", "7")
+                self.end_headers()
+                self.wfile.write(content)
+            except ConnectionError:
+                return  # the client gave up on a slow answer
+            self.close_connection = True
+
+        def log_message(self, format: str, *args: object) -> None:
+            """Say nothing."""
+
+    return Handler
+
+
+@contextmanager
+def faulty_server(*script: str) -> Iterator[Faults]:
+    """Serve until the context ends."""
+    faults = Faults(list(script))
+    server = ThreadingHTTPServer(("127.0.0.1", 0), _handler(faults))
+    server.daemon_threads = True
+    faults.url = f"http://127.0.0.1:{server.server_address[1]}"
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
+    thread.start()
+    try:
+        yield faults
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
