@@ -70,15 +70,24 @@ def find_plan(start: SceneGraph, condition: Formula, scope: Sequence[str], reach
 
 
 def _why_no_way(condition: Formula, start: SceneGraph) -> str:
-    """Say which part of the goal cannot come about."""
+    """Say which part of the goal cannot come about, and what cannot be moved for it."""
+    nodes = start.world.nodes
     for part in conjuncts(condition):
-        if not choices([part], start, ()):
-            stuck = [o for atom, positive, domains in part.asked() if positive and len(atom.args) == 2
-                     for o in domains.get(atom.args[0], atom.args[:1])
-                     if o in start.world.nodes and not start.category(o).liftable]  # fmt: skip
-            reason = f"{', '.join(dict.fromkeys(stuck))} cannot be lifted" if stuck else "no way to bring it about"
-            return f"{reason}: {str(part)[:120]}"
-    return "parts of the goal contradict each other for the planner"
+        if choices([part], start, ()):
+            continue
+        movers = dict.fromkeys(
+            obj
+            for atom, _, domains in part.asked()
+            if len(atom.args) == 2
+            for obj in domains.get(atom.args[0], atom.args[:1])
+            if obj in nodes
+        )
+        fixed = [obj for obj in movers if nodes[obj].fixed]
+        heavy = [obj for obj in movers if not nodes[obj].fixed and not start.category(obj).liftable]
+        reasons = [f"{', '.join(heavy)} cannot be lifted"] if heavy else []
+        reasons += [f"{', '.join(fixed)} of the scene stays where it is"] if fixed else []
+        return f"{' and '.join(reasons) or 'no way to bring it about'}: {str(part)[:100]}"
+    return "no way was found that does all parts of the goal together"
 
 
 class _Doer:
