@@ -73,7 +73,7 @@ class Results(NamedTuple):
 
     Attributes:
         facts: (name, value) for the header: code, rules, seeds.
-        rejected: id and reason of instruction lines that could not be read.
+        rejected: id and reason of instructions that could not be read, or do not fit their scenes.
         damaged: lines of record files that are no records.
     """
 
@@ -123,6 +123,9 @@ def results(files: RecordFile, compare: Sequence[str] | None = None) -> Results:
         ("code", _listed(codes)),
     )
     rejected = {line.id: line.reason for h in files.headers for b in h.benchmarks for line in b.rejected}
+    for record in files.records.values():
+        if record.outcome == "rejected":
+            rejected.setdefault(record.instruction, record.error)
     return Results(tuple(sections), facts, tuple(rejected.items()), files.damaged)
 
 

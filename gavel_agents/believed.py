@@ -9,7 +9,7 @@ import msgspec
 from gavel_agents.understanding import TaskUnderstanding
 from gavel_env.goals import Designator, Literal, Predicate
 from gavel_env.graph import Flag, Node, Relation, Room, SceneGraph, Support, World
-from gavel_env.ontology import Ontology
+from gavel_env.ontology import Ontology, category_of
 
 __all__ = ["believed_graph", "uncertain"]
 
@@ -50,7 +50,8 @@ def uncertain(graph: SceneGraph) -> tuple[str, ...]:
 
 
 def _node(designator: Designator, ontology: Ontology) -> Node:
-    category = ontology[designator.name]
+    name = designator.name if designator.name in ontology else category_of(designator.name)
+    category = ontology[name]
     return Node(str(designator), category, not category.graspable, designator.room)
 
 

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from gavel_env.actions import Action, Primitive
 from gavel_env.graph import Relation, SceneGraph
 from gavel_env.observed import EnvAction, Observed
+from gavel_env.ontology import category_of
 
 __all__ = ["Binder"]
 
@@ -45,17 +46,31 @@ class Binder:
             sought = self._sought(node, believed) if going else node
             instance = self._choose(sought, believed, observed, near_first=not going)
             if instance is None:
-                return EnvAction(action.primitive, sought, priors.get(node)) if going else EnvAction.of(action)
+                return self._search(sought, believed, observed, priors.get(node)) if going else EnvAction.of(action)
             self.bind(sought, instance, believed, observed)
         return EnvAction(action.primitive, self.bound.get(node, node), priors.get(node))
 
-    def arrived(self, action: Action, believed: SceneGraph, observed: Observed) -> None:
-        """Bind what a search has found."""
+    def arrived(self, action: Action, believed: SceneGraph, observed: Observed) -> bool:
+        """Bind what a search has found; return whether it was what the search was for."""
         node = action.target
         if action.primitive is not Primitive.NAVIGATE_TO or node is None or observed.reached is None:
-            return
+            return True
         if node in believed.world.nodes and node not in self.bound:
-            self.bind(self._sought(node, believed), observed.reached, believed, observed)
+            sought = self._sought(node, believed)
+            if not self._fits(sought, observed.reached, believed, observed):
+                return False
+            self.bind(sought, observed.reached, believed, observed)
+        return True
+
+    def _search(
+        self, node: str, believed: SceneGraph, observed: Observed, prior: Mapping[str, float] | None
+    ) -> EnvAction:
+        """Return the search for a node; one named by its id is searched by category, without those seen already."""
+        if not _names_an_instance(node, believed):
+            return EnvAction(Primitive.NAVIGATE_TO, node, prior)
+        category = believed.category(node).name
+        seen = observed.graph.world.by_category.get(category, ())
+        return EnvAction(Primitive.NAVIGATE_TO, category, prior, seen)
 
     def bind(self, node: str, instance: str, believed: SceneGraph, observed: Observed) -> None:
         """Bind a node, and with it the nodes that the believed graph says hold it."""
@@ -101,12 +116,19 @@ class Binder:
     @staticmethod
     def _fits(node: str, instance: str, believed: SceneGraph, observed: Observed) -> bool:
         wanted = believed.world.nodes[node]
+        if _names_an_instance(node, believed):
+            return instance == node
         if observed.graph.category(instance).name != wanted.category.name:
             return False
         if wanted.stated_room is None:
             return True
         room = observed.graph.room_of(instance)
         return room is not None and wanted.stated_room in (room, observed.graph.world.rooms[room].type)
+
+
+def _names_an_instance(node: str, believed: SceneGraph) -> bool:
+    """Return whether a node is an instance id (`fridge_1`) rather than a designator over categories."""
+    return node != believed.category(node).name and category_of(node) == believed.category(node).name
 
 
 def _distance_m(observed: Observed, instance: str) -> float:

@@ -84,8 +84,9 @@ class PlanningAgent:
         self._remaining: list[int] = []
         if self._travel is None or self._travel.layout is not observed.layout:
             self._travel = TravelModel(observed.layout)
+        instruction_id = str(info.get("instruction_id", ""))
         with stage(self.trace, "understand"):
-            understood = self._understanding.understand(observed.instruction)
+            understood = self._understanding.understand(observed.instruction, instruction_id)
         if not understood.tasks:
             self.trace.stopped = f"not understood: {understood.refused}"
             return
@@ -96,7 +97,7 @@ class PlanningAgent:
         )
         self._belief = Belief.initial(self._graph, observed.layout, self._travel.rooms, self._prior)
         self._belief = self._belief.update(self._graph, observed, self._binder.bound)
-        self._planned = self._plan(str(info.get("instruction_id", "")), observed)
+        self._planned = self._plan(instruction_id, observed)
         self._remaining = list(range(len(self._tasks)))
         self._order = list(self._remaining) if self.config.order == "written" else self._reorder(observed)
 
@@ -132,7 +133,8 @@ class PlanningAgent:
             if observed.outcome != "ok":
                 self.trace.stopped = f"{self._sent} was refused: {observed.outcome}"
                 return None
-            self._take_in(self._sent, observed)
+            if not self._take_in(self._sent, observed):
+                self._running.appendleft(self._sent)
             self._sent = None
         while not self._running:
             if not self._order:
@@ -146,9 +148,14 @@ class PlanningAgent:
         self._sent = self._running.popleft()
         return self._binder.send(self._sent, self._graph, observed, self._belief.priors())
 
-    def _take_in(self, action: Action, observed: Observed) -> None:
-        """Advance the believed graph by f(G, a), bind what was reached, and update B <- Upsilon(B, a, z)."""
-        self._binder.arrived(action, self._graph, observed)
+    def _take_in(self, action: Action, observed: Observed) -> bool:
+        """Advance the believed graph by f(G, a), bind what was reached, and update B <- Upsilon(B, a, z).
+
+        Returns:
+            False if a search came to something else than it was for, and must go on.
+        """
+        if not self._binder.arrived(action, self._graph, observed):
+            return False
         for node, instance in self._binder.bound.items():
             room = observed.graph.room_of(instance)
             if node not in self._graph.supports and room is not None and instance != observed.graph.holding:
@@ -158,6 +165,7 @@ class PlanningAgent:
         self._graph = msgspec.structs.replace(self._graph, robot_room=observed.graph.robot_room)
         self._graph = observe_flags(self._graph, observed.graph, self._binder.bound)
         self._belief = self._belief.update(self._graph, observed, self._binder.bound)
+        return True
 
     def _reorder(self, observed: Observed) -> list[int]:
         """Return the cheapest ordering of the remaining tasks whose concatenation validates (the cheapest if none)."""

@@ -272,7 +272,7 @@ class Fixed:
             for goal in goals
         )
 
-    def understand(self, text: str) -> Decomposition:
+    def understand(self, text: str, instruction_id: str = "") -> Decomposition:
         return Decomposition(self.tasks)
 
 

@@ -44,6 +44,6 @@ class Understanding(Protocol):
 
     name: str
 
-    def understand(self, text: str) -> Decomposition:
-        """Return the tasks of an instruction's text."""
+    def understand(self, text: str, instruction_id: str = "") -> Decomposition:
+        """Return the tasks of an instruction's text; the id is for implementations that look answers up."""
         ...

@@ -19,7 +19,7 @@ class RulesUnderstanding:
 
     name = "rules"
 
-    def understand(self, text: str) -> Decomposition:
+    def understand(self, text: str, instruction_id: str = "") -> Decomposition:
         """Return the tasks of an instruction's text, or the typed reason of an abstention."""
         try:
             return Decomposition(_tasks(text))

@@ -1,0 +1,119 @@
+"""Instruction files of one's own: no notes of a generator, ids or designators, and lines that are wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eval.cli import main
+
+MILK: dict[str, Any] = {
+    "id": "milk",
+    "scene": "Rs_int",
+    "text": "Take the carton of milk out of the fridge and put it on the coffee table.",
+    "placements": [{"category": "carton_of_milk", "relation": "in", "target": "fridge"}],
+    "tasks": [
+        {
+            "text": "Take the carton of milk out of the fridge and put it on the coffee table.",
+            "goal": ["on_top(carton_of_milk, coffee_table)"],
+            "reference_plan": [
+                "NAVIGATE_TO(fridge)",
+                "OPEN(fridge)",
+                "GRASP(carton_of_milk)",
+                "CLOSE(fridge)",
+                "NAVIGATE_TO(coffee_table)",
+                "PLACE_ON_TOP(coffee_table)",
+            ],
+        }
+    ],
+}
+LEFT_OPEN = """1. NavigateTo(fridge)
+2. Open(fridge)
+3. Grasp(carton of milk)
+4. NavigateTo(coffee table)
+5. PlaceOnTop(coffee table)"""
+
+
+def evaluated(
+    tmp_path: Path,
+    records: list[Any],
+    completions: dict[str, list[str]],
+    capsys: pytest.CaptureFixture[str],
+    *agents: str,
+) -> tuple[dict[str, dict[str, str]], str]:
+    """Return agent -> instruction -> outcome, and what was printed."""
+    file, answers, out = tmp_path / "mine.jsonl", tmp_path / "answers.jsonl", tmp_path / "run"
+    file.write_text("\n".join(r if isinstance(r, str) else json.dumps(r) for r in records))
+    lines = [json.dumps({"instruction_id": k, "completions": v}) for k, v in completions.items()]
+    answers.write_text("\n".join(lines))
+    arguments = ["eval", "--instructions", str(file), "--planner", f"scripted:{answers}", "--agents", ",".join(agents)]
+    assert main([*arguments, "--out", str(out), "--quiet"]) == 0
+    outcomes: dict[str, dict[str, str]] = {}
+    for line in (out / "records.jsonl").read_text().splitlines():
+        record = json.loads(line)
+        if "outcome" in record:
+            outcomes.setdefault(record["contestant"]["agent"], {})[record["instruction"]] = record["outcome"]
+    return outcomes, capsys.readouterr().out
+
+
+def test_a_door_left_open_is_found_by_the_executor_and_shut_by_repair(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outcomes, _ = evaluated(
+        tmp_path, [MILK], {"milk": [LEFT_OPEN]}, capsys, "llm-only", "gavel-basic", "epog", "oracle"
+    )
+    assert outcomes["llm-only"]["milk"] == "unsafe"
+    assert {agent: found["milk"] for agent, found in outcomes.items() if agent != "llm-only"} == {
+        "gavel-basic": "success",
+        "epog": "success",
+        "oracle": "success",
+    }
+
+
+def test_goals_may_name_instances(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    task = MILK["tasks"][0] | {
+        "goal": ["on_top(carton_of_milk_0, breakfast_table_1)"],
+        "reference_plan": [
+            "NAVIGATE_TO(fridge_0)",
+            "OPEN(fridge_0)",
+            "GRASP(carton_of_milk_0)",
+            "CLOSE(fridge_0)",
+            "NAVIGATE_TO(breakfast_table_1)",
+            "PLACE_ON_TOP(breakfast_table_1)",
+        ],
+    }
+    plan = "\n".join(task["reference_plan"])
+    record = MILK | {"tasks": [task]}
+    outcomes, _ = evaluated(tmp_path, [record], {"milk": [plan]}, capsys, "gavel-full", "epog", "oracle")
+    assert {found["milk"] for found in outcomes.values()} == {"success"}
+
+
+def test_the_same_sentence_in_two_houses_is_understood_in_each(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = MILK | {"id": "milk-2", "tasks": [MILK["tasks"][0] | {"goal": ["on_top(carton_of_milk, sofa)"]}]}
+    outcomes, _ = evaluated(tmp_path, [MILK, other], {}, capsys, "epog")
+    assert outcomes["epog"] == {"milk": "success", "milk-2": "success"}
+
+
+def test_bad_records_are_named_and_counted_and_the_others_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bad: list[Any] = [
+        MILK | {"id": "house", "scene": "Rs_imt"},
+        MILK | {"id": "category", "placements": [{"category": "cartn_of_milk", "relation": "in", "target": "fridge"}]},
+        MILK
+        | {"id": "holds", "placements": [{"category": "carton_of_milk", "relation": "on", "target": "coffee_table"}]},
+        "{not json",
+    ]
+    outcomes, printed = evaluated(tmp_path, [*bad, MILK], {}, capsys, "oracle")
+    assert outcomes["oracle"].pop("milk") == "success"
+    assert set(outcomes["oracle"].values()) == {"rejected"}
+    assert len(outcomes["oracle"]) == 4
+    together = " ".join(printed.split())
+    for reason in ("did you mean 'Rs_int'", "'carton_of_milk'", "the goal holds at the start", "mine.jsonl:4"):
+        assert reason in together
+    assert "20.0" in together
