@@ -153,7 +153,8 @@ def watching_cells(
     nearest = away[:count].min()
     if nearest > margin:
         return np.empty(0, np.int32)
-    return cells[:count][away[:count] <= nearest + within].copy()
+    kept: Ints = cells[:count][away[:count] <= nearest + within].copy()
+    return kept
 
 
 @compiled

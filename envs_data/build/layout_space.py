@@ -135,7 +135,8 @@ class RoomSpace:
 
     def distance(self) -> NDArray[np.float32]:
         """Return the distance of every cell from the nearest obstacle, metres, (height, width)."""
-        return np.asarray(cv2.distanceTransform(self.floor, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)) * self.cell
+        cells = np.asarray(cv2.distanceTransform(self.floor, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float32)
+        return np.asarray(cells * np.float32(self.cell), np.float32)
 
     def at(self, values: NDArray[Any], x: Floats, y: Floats) -> NDArray[Any]:
         """Return the raster's values at points."""
@@ -266,7 +267,7 @@ class RoomSpace:
             found.setdefault((horizontal, round(at, 3), inward), []).extend(ends)
         lines = []
         x0, y0, x1, y1 = self.polygon.bounds
-        for (horizontal, at, inward), ends in sorted(found.items()):
+        for (horizontal, at, inward), marks in sorted(found.items()):
             start, stop = (x0, x1) if horizontal else (y0, y1)
             t = np.arange(start + 0.025, stop, 0.05)
             back, front = np.full(len(t), at - inward * 0.05), np.full(len(t), at + inward * 0.06)
@@ -275,7 +276,7 @@ class RoomSpace:
             else:
                 wall = ~shapely.contains_xy(self.house, back, t) & shapely.contains_xy(self.polygon, front, t)
             share = np.concatenate([[0.0], np.cumsum(wall)])
-            lines.append(WallLine(horizontal, at, inward, start, share, tuple(sorted(set(ends)))))
+            lines.append(WallLine(horizontal, at, inward, start, share, tuple(sorted(set(marks)))))
         return lines
 
     @property
