@@ -118,7 +118,7 @@ def evaluate(understanding: Understanding, samples: Sequence[Sample]) -> Report:
     parts = dict.fromkeys(PARTS, Part())
     exact, refused, mistakes = 0, dict[str, int](), list[tuple[Sample, Decomposition]]()
     for sample in samples:
-        got = understanding.understand(sample.text)
+        got = understanding.understand(sample.text, sample.id)
         said, meant = _given(got), _wanted(sample.tasks)
         in_order = [_goals(t) for t in said.tasks] == [_goals(t) for t in meant.tasks]
         for name in PARTS:

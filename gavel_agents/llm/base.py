@@ -66,6 +66,7 @@ _KINDS: dict[str, tuple[str, str]] = {
     "openai": ("gavel_agents.llm.openai", "OpenAIModel"),
     "reference": ("gavel_agents.llm.reference", "ReferencePlans"),
     "replay": ("gavel_agents.llm.replay", "ReplayModel"),
+    "simulated": ("gavel_agents.llm.simulated", "SimulatedModel"),
     "scripted": ("gavel_agents.llm.scripted", "ScriptedModel"),
 }
 

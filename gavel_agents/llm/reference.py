@@ -9,11 +9,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from gavel_agents.llm.base import Completion, Prompt
+from gavel_env.actions import Action
 from gavel_env.goals import Designator
 from gavel_env.instructions import Instruction, read_instructions, shipped
 from gavel_env.ontology import category_of
 
-__all__ = ["ReferencePlans"]
+__all__ = ["ReferencePlans", "written"]
 
 
 class ReferencePlans:
@@ -40,18 +41,22 @@ class ReferencePlans:
         Raises:
             UnknownInstruction: the file has none for an instruction.
         """
-        return [Completion(_written(self._instructions[p.instruction_id])) for p in prompts]
+        return [Completion(written(i, _plans(i))) for i in (self._instructions[p.instruction_id] for p in prompts)]
 
 
-def _written(instruction: Instruction) -> str:
-    """Return an instruction's plans as a model would write them."""
+def _plans(instruction: Instruction) -> list[tuple[Action, ...]]:
+    return [task.parsed_plan() for task in instruction.tasks]
+
+
+def written(instruction: Instruction, plans: Sequence[Sequence[Action]]) -> str:
+    """Return plans of an instruction's tasks, over instance ids, as a model would write them."""
     targets = instruction.meta.get("targets", ())
     lines: list[str] = []
-    for index, task in enumerate(instruction.tasks):
+    for index, plan in enumerate(plans):
         lines.append(f"Task {index + 1}:")
         said = targets[index].get("objects", ()) if index < len(targets) else ()
         names = {Designator.parse(text).name: text for text in said}
-        for action in task.parsed_plan():
+        for action in plan:
             category = category_of(action.target or "")
             lines.append(f"{action.primitive.name} {names.get(category, category)}".strip())
     return "\n".join(lines)
