@@ -260,7 +260,7 @@ class _Grounder:
         """Return a goal over ids; `bound`: variable -> what its places are written as."""
         parts = node.parts
         if node.head in ("and", "or"):
-            inner = tuple(self._formula(part, bound) for part in parts)
+            inner = tuple(dict.fromkeys(self._formula(part, bound) for part in parts))
             if len(inner) == 1:
                 return inner[0]
             return And(inner) if node.head == "and" else Or(inner)

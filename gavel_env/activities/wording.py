@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 from gavel_env.activities.grounding import Grounding
 from gavel_env.graph import Relation, SceneGraph
@@ -99,8 +100,7 @@ class _Writer:
 
     def text(self) -> str:
         """Return title, goal and what starts behind a door."""
-        parts = conjuncts(_pushed(self.grounding.goal, True))
-        clauses = list(dict.fromkeys(self.clause(part, {}) for part in parts))
+        clauses = self.clauses(conjuncts(_pushed(self.grounding.goal, True)), {})
         sentences = [f"{title_of(self.grounding.activity.name)}.", f"In the end, {_joined(clauses, '; ')}."]
         sentences += self._hidden()
         return " ".join(sentences)
@@ -155,66 +155,104 @@ class _Writer:
 
     # --- clauses -------------------------------------------------------------------------------------------------
 
+    def clauses(self, parts: Iterable[Formula], bound: Mapping[str, str]) -> list[str]:
+        """Return conditions as clauses; those that say the same of several subjects become one."""
+        found: dict[str, list[_Said] | str] = {}
+        for part in parts:
+            said = self._said(part, bound)
+            if said is None:
+                clause = self.clause(part, bound)
+                found[clause] = clause
+            elif "one of the" in said.what or "one and the same" in said.what:
+                found[str(said)] = str(said)
+            else:
+                group = found.setdefault(said.what, [])
+                assert isinstance(group, list)
+                if said not in group:
+                    group.append(said)
+        return _merged(found.values())
+
     def clause(self, formula: Formula, bound: Mapping[str, str]) -> str:
         """Return a condition (negations pushed inwards) as a clause."""
+        said = self._said(formula, bound)
+        if said is not None:
+            return str(said)
+        if isinstance(formula, And):
+            return _joined(self.clauses(formula.parts, bound), ", ")
+        if isinstance(formula, Or):
+            return "either " + _joined(self.clauses(formula.parts, bound), ", ", "or")
+        if isinstance(formula, Imply):
+            return f"if {self.clause(formula.premise, bound)}, then {self.clause(formula.body, bound)}"
+        assert not isinstance(formula, Atom | Not)
+        short = {**bound, formula.variable: f"the {self.noun(formula.domain[0])}"}
+        one, many = self.group(formula.domain)
+        self._note_number(formula.variable, formula.domain)
+        if isinstance(formula, ForPairs):
+            self._note_number(formula.other_variable, formula.other_domain)
+            short[formula.other_variable] = f"the {self.noun(formula.other_domain[0])}"
+            others = self.group(formula.other_domain)[1]
+            return f"the {many} and the {others} form pairs, such that {self.clause(formula.body, short)}"
+        if isinstance(formula, ForN):
+            counted = f"exactly {formula.count} of the {many} {'is' if formula.count == 1 else 'are'}"
+            return f"{counted} such that {self.clause(formula.body, short)}"
+        if len(formula.domain) == 1:
+            return self.clause(formula.body, {**bound, formula.variable: self.the(formula.domain[0], bound)})
+        if not self._mentions(formula):
+            return self.clause(formula.body, bound)
+        if isinstance(formula, ForAll):
+            every = "all" if formula.variable in self.plurals else "every"
+            if self._mentions(formula) == 1:
+                return self.clause(formula.body, {**bound, formula.variable: f"{every} {one}"})
+            return f"for {every} {one}, {self.clause(formula.body, short)}"
+        that = {**bound, formula.variable: f"that {self.noun(formula.domain[0])}"}
+        return f"for one of the {many}, {self.clause(formula.body, that)}"
+
+    def _mentions(self, formula: ForAll | Exists | ForN) -> int:
+        return sum(formula.variable in asked.atom.args for asked in formula.body.asked())
+
+    def _note_number(self, variable: str, domain: Sequence[str]) -> None:
+        if self._is_plural(domain[0]):
+            self.plurals.add(variable)
+
+    def _said(self, formula: Formula, bound: Mapping[str, str]) -> _Said | None:
+        """Return a condition that says one thing of one subject, or None if it says more."""
         if isinstance(formula, Atom):
             return self._atom(formula, bound, positive=True)
         if isinstance(formula, Not):
-            assert isinstance(formula.body, Atom)
-            return self._atom(formula.body, bound, positive=False)
-        if isinstance(formula, And):
-            return _joined([self.clause(part, bound) for part in formula.parts], ", ")
-        if isinstance(formula, Or):
-            return "either " + _joined([self.clause(part, bound) for part in formula.parts], ", ", "or")
-        if isinstance(formula, Imply):
-            return f"if {self.clause(formula.premise, bound)}, then {self.clause(formula.body, bound)}"
-        if isinstance(formula, ForPairs):
-            first, second = self.group(formula.domain), self.group(formula.other_domain)
-            sides = ((formula.variable, formula.domain), (formula.other_variable, formula.other_domain))
-            self.plurals.update(variable for variable, domain in sides if self._is_plural(domain[0]))
-            inner = {**bound, formula.variable: f"the {self.noun(formula.domain[0])}"}
-            inner[formula.other_variable] = f"the {self.noun(formula.other_domain[0])}"
-            return f"the {first[1]} and the {second[1]} form pairs, such that {self.clause(formula.body, inner)}"
-        return self._quantified(formula, bound)
-
-    def _quantified(self, formula: ForAll | Exists | ForN, bound: Mapping[str, str]) -> str:
-        if len(formula.domain) == 1 and not isinstance(formula, ForN):
-            return self.clause(formula.body, {**bound, formula.variable: self.the(formula.domain[0], bound)})
-        mentions = sum(formula.variable in asked.atom.args for asked in formula.body.asked())
-        if mentions == 0 and not isinstance(formula, ForN):
-            return self.clause(formula.body, bound)
+            return self._atom(formula.body, bound, positive=False) if isinstance(formula.body, Atom) else None
+        if not isinstance(formula, ForAll | Exists) or self._mentions(formula) != 1:
+            return None
         one, many = self.group(formula.domain)
-        short = f"the {self.noun(formula.domain[0])}"
-        every = f"every {one}"
-        if self._is_plural(formula.domain[0]):
-            self.plurals.add(formula.variable)
-            every = f"all {one}"
-        if isinstance(formula, ForN):
-            inner = {**bound, formula.variable: f"the {self.noun(formula.domain[0])}"}
-            counted = f"exactly {formula.count} of the {many} {_are(formula.count)}"
-            return f"{counted} such that {self.clause(formula.body, inner)}"
-        if isinstance(formula, ForAll):
-            if mentions == 1:
-                return self.clause(formula.body, {**bound, formula.variable: every})
-            return f"for {every}, {self.clause(formula.body, {**bound, formula.variable: short})}"
-        if mentions == 1 and not _has(formula.body, ForAll):
-            return self.clause(formula.body, {**bound, formula.variable: f"one of the {many}"})
-        if mentions == 1:
-            return self.clause(formula.body, {**bound, formula.variable: f"one and the same {one}"})
-        return f"for one of the {many}, {self.clause(formula.body, {**bound, formula.variable: f'that {one}'})}"
+        self._note_number(formula.variable, formula.domain)
+        if len(formula.domain) == 1:
+            name = self.the(formula.domain[0], bound)
+        elif isinstance(formula, ForAll):
+            name = f"{'all' if formula.variable in self.plurals else 'every'} {one}"
+        else:
+            name = f"one and the same {one}" if _has_for_all(formula.body) else f"one of the {many}"
+        return self._said(formula.body, {**bound, formula.variable: name})
 
-    def _atom(self, atom: Atom, bound: Mapping[str, str], *, positive: bool) -> str:
+    def _atom(self, atom: Atom, bound: Mapping[str, str], *, positive: bool) -> _Said:
         subject = self.the(atom.args[0], bound)
-        verb = "are" if atom.args[0] in self.plurals or self._is_plural(atom.args[0]) else "is"
-        if not positive and atom.predicate not in _STATES and subject.startswith(("every ", "all ")):
-            subject, positive = f"no {subject.partition(' ')[2]}", True
+        several = atom.args[0] in self.plurals or self._is_plural(atom.args[0])
         if atom.predicate in _STATES:
-            return f"{subject} {verb} {_STATES[atom.predicate][0 if positive else 1]}"
-        where = f"{_PRESENT[atom.predicate]} {self.the(atom.args[1], bound)}"
-        return f"{subject} {verb} {where}" if positive else f"{subject} {verb} not {where}"
+            return _Said(subject, several, _STATES[atom.predicate][0 if positive else 1])
+        holder = self.the(atom.args[1], bound)
+        where = f"{_PRESENT[atom.predicate]} {holder}"
+        if positive:
+            return _Said(subject, several, where)
+        if holder.startswith(("every ", "all ")):
+            where = f"{_PRESENT[atom.predicate]} any {holder.partition(' ')[2]}"
+        if subject.startswith(("every ", "all ")):
+            return _Said(f"no {subject.partition(' ')[2]}", several, where)
+        return _Said(subject, several, f"not {where}")
 
     def _is_plural(self, obj: str) -> bool:
-        return obj in self.graph.world.nodes and self.words.is_plural(self.graph.category(obj).name)
+        if obj not in self.graph.world.nodes:
+            return False
+        head = self.noun(obj).partition(" of ")[0]
+        looks_plural = head.endswith("s") and not head.endswith(("ss", "us", "is"))
+        return looks_plural or self.words.is_plural(self.graph.category(obj).name)
 
     # --- the start -----------------------------------------------------------------------------------------------
 
@@ -228,18 +266,17 @@ class _Writer:
                 inside.setdefault(container, []).append(obj)
         sentences = []
         for container, objects in inside.items():
-            direct = [o for o in objects if self.graph.supports[o].holder == container]
-            named = self._listed(direct) + [self._nested(o) for o in objects if o not in direct]
+            named: list[str] = []
+            for support in dict.fromkeys(self.graph.supports[o] for o in objects):
+                things = self._listed(o for o in objects if self.graph.supports[o] == support)
+                if support.holder != container:
+                    where = "in" if support.relation is Relation.INSIDE else "on"
+                    things[-1] += f" {where} {self.the(support.holder, {})}"
+                named += things
             verb = "is" if len(objects) == 1 and not self._is_plural(objects[0]) else "are"
-            sentences.append(
-                f"At the start, {_joined(named, ', ')} {verb} inside {self.the(container, {})}, which is shut."
-            )
+            where = f"inside {self.the(container, {})}, which is shut."
+            sentences.append(f"At the start, {_joined(named, ', ')} {verb} {where}")
         return sentences
-
-    def _nested(self, obj: str) -> str:
-        """Return a reference to an object with what it is on or in: `the lobster in the bowl`."""
-        relation, holder = self.graph.supports[obj]
-        return f"{self.the(obj, {})} {'in' if relation is Relation.INSIDE else 'on'} {self.the(holder, {})}"
 
     def _listed(self, objects: Iterable[str]) -> list[str]:
         """Return some objects by noun and number."""
@@ -258,19 +295,41 @@ class _Writer:
         return named
 
 
-def _are(count: int) -> str:
-    return "is" if count == 1 else "are"
+class _Said(NamedTuple):
+    """One thing said of one subject: `the apple`, not several, `inside the fridge`."""
+
+    subject: str
+    several: bool
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.subject} {'are' if self.several else 'is'} {self.what}"
 
 
-def _has(formula: Formula, kind: type[Formula]) -> bool:
-    """Return whether a quantifier of a kind stands in a condition."""
-    if isinstance(formula, kind):
+def _merged(groups: Iterable[list[_Said] | str]) -> list[str]:
+    """Return clauses: one for all subjects of which the same is said, and one for all that is said of the same."""
+    clauses: dict[str, list[str] | None] = {}
+    for group in groups:
+        if isinstance(group, str):
+            clauses[group] = None
+            continue
+        subjects = _joined([said.subject for said in group], ", ")
+        verb = "are" if len(group) > 1 or group[0].several else "is"
+        things = clauses.setdefault(f"{subjects} {verb}", [])
+        assert things is not None
+        things.append(group[0].what)
+    return [start if things is None else f"{start} {_joined(things, ', ')}" for start, things in clauses.items()]
+
+
+def _has_for_all(formula: Formula) -> bool:
+    """Return whether a `forall` stands in a condition."""
+    if isinstance(formula, ForAll):
         return True
     if isinstance(formula, And | Or):
-        return any(_has(part, kind) for part in formula.parts)
+        return any(map(_has_for_all, formula.parts))
     if isinstance(formula, Imply):
-        return _has(formula.premise, kind) or _has(formula.body, kind)
-    return not isinstance(formula, Atom) and _has(formula.body, kind)
+        return _has_for_all(formula.premise) or _has_for_all(formula.body)
+    return not isinstance(formula, Atom) and _has_for_all(formula.body)
 
 
 def _pushed(formula: Formula, positive: bool) -> Formula:
