@@ -143,11 +143,12 @@ def _show(arguments: argparse.Namespace) -> int:
         raise UnknownInstruction(arguments.id, [name for records in sets for name in records], "these sets")
     print(f"{record.id} in {record.scene}\n\n{record.text}\n")
     for placement in record.placements:
-        print(f"  {placement.id or placement.category} starts {placement.relation} {placement.target}")
+        states = f" ({', '.join(placement.states)})" if placement.states else ""
+        print(f"  {placement.id or placement.category} starts {placement.relation} {placement.target}{states}")
     for state in record.initial:
         print(f"  {state} at the start")
     for task in record.tasks:
-        print(f"\n{task.text}\n  goal: {', '.join(task.goal)}")
+        print(f"\n{task.text}\n  goal: {', '.join((*task.goal, *map(str, task.conditions)))}")
         print("\n".join(f"  {step:2d} {action}" for step, action in enumerate(task.reference_plan)))
     if arguments.png is not None:
         _draw(record, arguments.png)
