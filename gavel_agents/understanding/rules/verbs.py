@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from gavel_agents.understanding.rules.appliances import about_doors, door, process, run, switched, use
 from gavel_agents.understanding.rules.discourse import Act, Discourse, movables, said
-from gavel_agents.understanding.rules.frames import Cycle, Entity, Frame, Part, Phrase, Pronoun, There
+from gavel_agents.understanding.rules.frames import Cycle, Entity, Frame, Part, Phrase, Pronoun, Room, There
 from gavel_agents.understanding.rules.groups import grouped, locate, place
 from gavel_agents.understanding.rules.lexer import Abstention
 from gavel_agents.understanding.rules.words import verb_forms
@@ -70,6 +70,10 @@ def _be(discourse: Discourse, act: Act) -> None:
     if act.frame.mood == "wish":
         _move(discourse, act)
         return
+    furniture = [e for e in act.frame.elements if isinstance(e, Entity) and not e.movable]
+    if furniture and not movables(act.frame.elements):
+        _furniture_is(discourse, act, furniture[-1])
+        return
     leading, groups = grouped(discourse, act)
     things = discourse.things(act)
     for group in groups:
@@ -79,6 +83,19 @@ def _be(discourse: Discourse, act: Act) -> None:
     for phrase in leading:
         for thing in things:
             discourse.state(act, thing, phrase)
+
+
+def _furniture_is(discourse: Discourse, act: Act, piece: Entity) -> None:
+    """Read `the desk is in the study`: its later mentions mean that one.
+
+    Raises:
+        Abstention: it is said to be anywhere but in a room.
+    """
+    for phrase in act.frame.elements:
+        if isinstance(phrase, Phrase):
+            if not isinstance(phrase.target, Room):
+                raise Abstention("unparsed", f"where {said(piece)!r} is can only be said as a room")
+            discourse.places.append(piece._replace(room=phrase.target.type))
 
 
 def _get(discourse: Discourse, act: Act) -> None:
