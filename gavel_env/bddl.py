@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 import msgspec
 
 from gavel_env.errors import MalformedGoal
-from gavel_env.quantifiers import Expression, read_expression
+from gavel_env.expressions import Expression, read_expression
 
 __all__ = ["Fact", "Node", "Problem", "parse_problem", "predicates", "synset_of"]
 

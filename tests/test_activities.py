@@ -22,9 +22,9 @@ import gavel_env  # noqa: F401  # registers the environments
 from eval.cli import main
 from gavel_env.actions import Action, Primitive
 from gavel_env.activities import Ungroundable, UnknownActivity, ground, load_activities, title_of
+from gavel_env.activities.english import imperative, plural
 from gavel_env.activities.grounding import reachable_in
 from gavel_env.activities.scope import GROUND
-from gavel_env.activities.wording import imperative, plural
 from gavel_env.bddl import synset_of
 from gavel_env.dynamics import rollout, unsafe
 from gavel_env.errors import DataError

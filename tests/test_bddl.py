@@ -14,6 +14,7 @@ from worlds import kitchen
 
 from gavel_env.bddl import Node, parse_problem, predicates, synset_of
 from gavel_env.errors import MalformedGoal
+from gavel_env.expressions import parse_formula
 from gavel_env.goals import Goal, unmet
 from gavel_env.graph import Flag, SceneGraph
 from gavel_env.quantifiers import (
@@ -27,7 +28,6 @@ from gavel_env.quantifiers import (
     Imply,
     Not,
     Or,
-    parse_formula,
     plain_literals,
 )
 

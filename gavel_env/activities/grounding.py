@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
-import msgspec
-
 from gavel_env.activities.definitions import Activities, Activity, load_activities
+from gavel_env.activities.goal import GoalReader, substances_of, with_variable
 from gavel_env.activities.scope import (
     AGENT,
-    GROUND,
     Roles,
     Ungroundable,
     choose_kinds,
@@ -19,28 +17,17 @@ from gavel_env.activities.scope import (
     is_thing,
     roles_of,
 )
-from gavel_env.bddl import Fact, Node, Problem, synset_of
+from gavel_env.bddl import Fact, Problem, synset_of
 from gavel_env.instructions import Placement
 from gavel_env.ontology import Ontology, category_of, default_ontology
 from gavel_env.quantifiers import (
-    ON_FLOOR,
-    WITHIN,
-    And,
-    Atom,
     Exists,
-    ForAll,
     Formula,
-    ForN,
-    ForPairs,
-    Imply,
-    Not,
-    Or,
 )
 from gavel_env.scenes import Scene, load_scene
 
 __all__ = ["Grounding", "ground", "reachable_in"]
 
-_ATOMS = {"ontop": "on_top", "nextto": "next_to", "toggled_on": "toggled", "covered": "dirty"}
 _STATES = {"open": "open", "toggled_on": "toggled", "cooked": "cooked", "hot": "hot", "frozen": "frozen"}
 _ON = frozenset({"ontop", "draped", "overlaid", "attached"})
 _SUPPORTS = _ON | {"inside", "under", "nextto"}
@@ -118,19 +105,18 @@ class _Grounder:
         self.scope = {**self.pieces.rooms, **self.pieces.pieces, **self._new_ids(movables)}
         self.movables = movables
         self.dirt = frozenset(activities.dirt)
-        self.soiled = frozenset(s for s in self._atoms_of(self.problem.goal) if s in self.dirt) or self.dirt
-        self.kind_of = {obj: synset_of(name) for name, obj in self.scope.items()}
-        self.stacked = self._stacked()
+        self.soiled = frozenset(s for s in substances_of(self.problem.goal) if s in self.dirt) or self.dirt
         self.left_out: list[str] = []
 
     def result(self) -> Grounding:
         """Return the grounding."""
         placements, initial = self._start()
         any_of = self._interchangeable()
-        goal = self._formula(self.problem.goal, {})
+        rooms = frozenset(self.pieces.room_types.values())
+        goal = GoalReader(self.problem.goal, self.scope, self.things, rooms, self._members).condition()
         for name, (piece, others) in any_of.items():
             variable = f"?{category_of(piece)}"
-            goal = Exists(variable, others, _with(goal, piece, variable))
+            goal = Exists(variable, others, with_variable(goal, piece, variable))
             self.scope[name] = piece
         return Grounding(
             self.activity,
@@ -245,115 +231,6 @@ class _Grounder:
                     return self.pieces.room_types[fact.args[1]]
             name = next((f.args[1] for f in self.problem.init if f.args[0] == name and f.predicate in _SUPPORTS), name)
         return None
-
-    # --- the goal ------------------------------------------------------------------------------------------------
-
-    def _atoms_of(self, node: Node, kinds: Mapping[str, str] | None = None) -> Iterator[str]:
-        """Yield the synsets of the substances that the goal wants off."""
-        kinds = {**(kinds or {}), **dict(node.variables)}
-        if node.head == "covered":
-            yield kinds.get(node.args[1], synset_of(node.args[1]))
-        for part in node.parts:
-            yield from self._atoms_of(part, kinds)
-
-    def _formula(self, node: Node, bound: Mapping[str, str]) -> Formula:
-        """Return a goal over ids; `bound`: variable -> what its places are written as."""
-        parts = node.parts
-        if node.head in ("and", "or"):
-            inner = tuple(dict.fromkeys(self._formula(part, bound) for part in parts))
-            if len(inner) == 1:
-                return inner[0]
-            return And(inner) if node.head == "and" else Or(inner)
-        if node.head == "not":
-            return Not(self._formula(parts[0], bound))
-        if node.head == "imply":
-            return Imply(self._formula(parts[0], bound), self._formula(parts[1], bound))
-        if not node.variables:
-            return self._atom(node, bound)
-        return self._quantified(node, bound)
-
-    def _quantified(self, node: Node, bound: Mapping[str, str]) -> Formula:
-        (variable, synset), *rest = node.variables
-        body = node.parts[0]
-        if synset not in self.things:
-            if synset not in GROUND:
-                return self._formula(body, {**bound, variable: synset})
-            rooms = dict.fromkeys(self.scope[n] for n in self.problem.objects[synset] if n in self.scope)
-            each = tuple(self._formula(body, {**bound, variable: room}) for room in rooms)
-            if len(each) == 1:
-                return each[0]
-            return Or(each) if node.head == "exists" else And(each)
-        written = f"?{variable}".replace(".", "_")
-        domain = self._members(synset)
-        self.kind_of[written] = synset
-        if not domain:
-            raise Ungroundable(f"the goal speaks of {synset}, and there is none")
-        if rest:
-            other, other_synset = rest[0]
-            other_written = f"?{other}".replace(".", "_")
-            self.kind_of[other_written] = other_synset
-            inner = self._formula(body, {**bound, variable: written, other: other_written})
-            return ForPairs(written, domain, other_written, self._members(other_synset), inner)
-        inner = self._formula(body, {**bound, variable: written})
-        if node.head == "forn":
-            return ForN(written, domain, inner, node.count)
-        return ForAll(written, domain, inner) if node.head == "forall" else Exists(written, domain, inner)
-
-    def _stacked(self) -> frozenset[str]:
-        """Return the synsets that the goal wants in something and also on or in something else."""
-        holders: dict[str, set[tuple[str, str]]] = {}
-
-        def walk(node: Node, kinds: Mapping[str, str]) -> None:
-            kinds = {**kinds, **dict(node.variables)}
-            if node.head in ("ontop", "inside"):
-                a, b = (kinds.get(arg, synset_of(arg)) for arg in node.args)
-                holders.setdefault(a, set()).add((node.head, b))
-            for part in node.parts:
-                if node.head != "not":
-                    walk(part, kinds)
-
-        walk(self.problem.goal, {})
-        return frozenset(s for s, held in holders.items() if len(held) > 1 and any(how == "inside" for how, _ in held))
-
-    def _atom(self, node: Node, bound: Mapping[str, str]) -> Formula:
-        name = _ATOMS.get(node.head, node.head)
-        places = node.args[:1] if node.head == "covered" else node.args
-        args = []
-        for place in places:
-            if place in bound:
-                args.append(bound[place])
-            elif place in self.scope:
-                args.append(self.scope[place])
-            else:
-                raise Ungroundable(f"the goal speaks of {place}, which is no object of a graph")
-        rooms = set(self.pieces.room_types.values())
-        if args[0] in rooms:
-            raise Ungroundable(f"the goal is about a floor: {node}")
-        if len(args) > 1 and args[1] in rooms:
-            if name != "on_top":
-                raise Ungroundable(f"{node}: only things on a floor can be said, not {node.head}")
-            return Atom(ON_FLOOR, tuple(args))
-        if name == "inside" and self.kind_of[args[0]] in self.stacked:
-            name = WITHIN
-        return Atom(name, tuple(args))
-
-
-def _with(formula: Formula, piece: str, variable: str) -> Formula:
-    """Return a condition with a variable in place of a piece, in atoms and in domains."""
-    if isinstance(formula, Atom):
-        return msgspec.structs.replace(formula, args=tuple(variable if a == piece else a for a in formula.args))
-    if isinstance(formula, And | Or):
-        return msgspec.structs.replace(formula, parts=tuple(_with(part, piece, variable) for part in formula.parts))
-    if isinstance(formula, Imply):
-        return Imply(_with(formula.premise, piece, variable), _with(formula.body, piece, variable))
-    if isinstance(formula, ForAll | Exists | ForN) and formula.domain == (piece,):
-        inner = formula.body
-        return _with(_renamed(inner, formula.variable, piece), piece, variable)
-    return msgspec.structs.replace(formula, body=_with(formula.body, piece, variable))
-
-
-def _renamed(formula: Formula, variable: str, piece: str) -> Formula:
-    return _with(formula, variable, piece)
 
 
 @lru_cache(maxsize=64)

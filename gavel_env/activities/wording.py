@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
+from gavel_env.activities.english import joined, plural, title_of
 from gavel_env.activities.grounding import Grounding
 from gavel_env.graph import Relation, SceneGraph
 from gavel_env.quantifiers import (
@@ -25,25 +25,8 @@ from gavel_env.quantifiers import (
 )
 from gavel_env.tasks.vocabulary import default_vocabulary
 
-__all__ = ["imperative", "plural", "text_of", "title_of"]
+__all__ = ["text_of"]
 
-# Verbs whose stem is not simply the word without "ing".
-_VERBS = {
-    "boxing": "box", "doing": "do", "emptying": "empty", "laying": "lay", "drying": "dry", "paying": "pay",
-    "tidying": "tidy", "buying": "buy", "carrying": "carry", "mopping": "mop", "getting": "get", "putting": "put",
-    "setting": "set", "shopping": "shop", "stripping": "strip", "rinsing": "rinse", "moving": "move",
-    "arranging": "arrange", "rearranging": "rearrange", "composting": "compost", "assembling": "assemble",
-    "recycling": "recycle", "re-shelving": "re-shelve", "scrubbing": "scrub", "spring": "spring", "setup": "set up",
-    "hiding": "hide", "repairs": "make repairs", "preparing": "prepare",
-}  # fmt: skip
-_WITH_E = (
-    "at", "iz", "iv", "ec", "os", "ov", "us", "ac", "ak", "id", "ar", "or", "erv", "ap", "ut", "yc", "av", "ot",
-)  # fmt: skip
-_ODD = {
-    "knife": "knives", "shelf": "shelves", "bookshelf": "bookshelves", "loaf": "loaves", "half": "halves",
-    "mouse": "mice", "potato": "potatoes", "tomato": "tomatoes", "scarf": "scarves",
-}  # fmt: skip
-_WITHOUT_E = ("treat", "clear", "heat", "sort")
 _PRESENT = {
     "on_top": "on top of", "inside": "inside", WITHIN: "inside", "under": "under", "next_to": "next to",
     ON_FLOOR: "on the floor of",
@@ -52,39 +35,6 @@ _STATES = {
     "open": ("open", "shut"), "toggled": ("switched on", "switched off"), "cooked": ("cooked", "not cooked"),
     "hot": ("hot", "not hot"), "frozen": ("frozen", "not frozen"), "dirty": ("dirty", "clean"),
 }  # fmt: skip
-
-
-def imperative(word: str) -> str:
-    """Return a gerund as a command: `putting` -> `put`; other words as they are."""
-    if word in _VERBS:
-        return _VERBS[word]
-    if not word.endswith("ing"):
-        return word
-    stem = word[:-3]
-    return stem + "e" if stem.endswith(_WITH_E) and not stem.endswith(_WITHOUT_E) else stem
-
-
-def title_of(activity: str) -> str:
-    """Return an activity's name as a sentence without its full stop: `putting_away_toys` -> `Put away toys`."""
-    words = re.sub(r"\b(de|re)_", r"\1-", activity).replace("_s_", "'s_").split("_")
-    words[0] = imperative(words[0])
-    title = re.sub(r"\ba (?=[aeiouAEIOU]|LED)", "an ", " ".join(words))
-    return title[:1].upper() + title[1:]
-
-
-def plural(noun: str) -> str:
-    """Return the plural of a noun phrase: `box of candy` -> `boxes of candy`."""
-    head, of, rest = noun.partition(" of ")
-    before, space, word = head.rpartition(" ")
-    if word in _ODD:
-        word = _ODD[word]
-    elif word.endswith(("ss", "us", "x", "ch", "sh", "z")):
-        word += "es"
-    elif word.endswith("y") and word[-2:-1] not in "aeiou":
-        word = word[:-1] + "ies"
-    elif not word.endswith("s"):
-        word += "s"
-    return before + space + word + of + rest
 
 
 def text_of(grounding: Grounding, graph: SceneGraph) -> str:
@@ -101,7 +51,7 @@ class _Writer:
     def text(self) -> str:
         """Return title, goal and what starts behind a door."""
         clauses = self.clauses(conjuncts(_pushed(self.grounding.goal, True)), {})
-        sentences = [f"{title_of(self.grounding.activity.name)}.", f"In the end, {_joined(clauses, '; ')}."]
+        sentences = [f"{title_of(self.grounding.activity.name)}.", f"In the end, {joined(clauses, '; ')}."]
         sentences += self._hidden()
         return " ".join(sentences)
 
@@ -178,9 +128,9 @@ class _Writer:
         if said is not None:
             return str(said)
         if isinstance(formula, And):
-            return _joined(self.clauses(formula.parts, bound), ", ")
+            return joined(self.clauses(formula.parts, bound), ", ")
         if isinstance(formula, Or):
-            return "either " + _joined(self.clauses(formula.parts, bound), ", ", "or")
+            return "either " + joined(self.clauses(formula.parts, bound), ", ", "or")
         if isinstance(formula, Imply):
             return f"if {self.clause(formula.premise, bound)}, then {self.clause(formula.body, bound)}"
         assert not isinstance(formula, Atom | Not)
@@ -275,7 +225,7 @@ class _Writer:
                 named += things
             verb = "is" if len(objects) == 1 and not self._is_plural(objects[0]) else "are"
             where = f"inside {self.the(container, {})}, which is shut."
-            sentences.append(f"At the start, {_joined(named, ', ')} {verb} {where}")
+            sentences.append(f"At the start, {joined(named, ', ')} {verb} {where}")
         return sentences
 
     def _listed(self, objects: Iterable[str]) -> list[str]:
@@ -313,12 +263,12 @@ def _merged(groups: Iterable[list[_Said] | str]) -> list[str]:
         if isinstance(group, str):
             clauses[group] = None
             continue
-        subjects = _joined([said.subject for said in group], ", ")
+        subjects = joined([said.subject for said in group], ", ")
         verb = "are" if len(group) > 1 or group[0].several else "is"
         things = clauses.setdefault(f"{subjects} {verb}", [])
         assert things is not None
         things.append(group[0].what)
-    return [start if things is None else f"{start} {_joined(things, ', ')}" for start, things in clauses.items()]
+    return [start if things is None else f"{start} {joined(things, ', ')}" for start, things in clauses.items()]
 
 
 def _has_for_all(formula: Formula) -> bool:
@@ -349,11 +299,3 @@ def _pushed(formula: Formula, positive: bool) -> Formula:
         kind = ForAll if isinstance(formula, ForAll) == positive else Exists
         return kind(formula.variable, formula.domain, _pushed(formula.body, positive))
     return formula
-
-
-def _joined(clauses: Sequence[str], comma: str, word: str = "and") -> str:
-    """Return `a, b and c`."""
-    if len(clauses) < 2:
-        return "".join(clauses)
-    last = f"{comma.rstrip()} {word} " if comma.strip() == ";" else f" {word} "
-    return f"{comma.join(clauses[:-1])}{last}{clauses[-1]}"
