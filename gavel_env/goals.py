@@ -2,8 +2,8 @@
 
 A *designator* is an instance id (`fridge_0`) or a category with an optional room type or room id
 (`bottom_cabinet@private_office`); any instance that fits will do. Within one goal, literals with the same subject speak
-of the same instance: "the pie is cooked and on the table" is not met by two pies. A negated literal holds when no
-instance that fits makes the literal true.
+of the same instance: "the pie is cooked and on the table" is not met by two pies. A negated literal is about those same
+instances; where no positive literal speaks of its subject, it holds when no instance that fits makes the literal true.
 """
 
 from __future__ import annotations

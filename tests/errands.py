@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from importlib import resources
-from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
@@ -16,7 +14,7 @@ from gavel_env.actions import Action, Primitive
 from gavel_env.goals import Goal, fitting, parse_goal
 from gavel_env.graph import Node, Relation, SceneGraph, Support
 from gavel_env.grounding import instruction_graph, scene_graph
-from gavel_env.instructions import read_instructions
+from gavel_env.instructions import read_instructions, shipped
 from gavel_env.ontology import Category, default_ontology
 from gavel_env.scenes import load_scene, scene_names
 
@@ -278,10 +276,10 @@ def draw_errand(rng: Rng, scenes: tuple[str, ...] | None = None) -> Errand:
 
 
 def shipped_errands() -> list[Errand]:
-    """Return every task of the shipped instructions as an errand of its own."""
+    """Return every task of the shipped single and multi-task instructions as an errand of its own."""
     errands = []
-    for file in sorted(Path(str(resources.files("envs_data") / "instructions")).glob("*.jsonl")):
-        for record in read_instructions(file).values():
+    for kind in ("single", "multi"):
+        for record in read_instructions(shipped(kind)).values():
             graph = instruction_graph(load_scene(record.scene), record)
             errands += [Errand(record.kind, graph, t.parsed_goal(), t.parsed_plan()) for t in record.tasks]
     return errands
