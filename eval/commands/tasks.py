@@ -21,7 +21,7 @@ def register(subparsers: Any) -> None:
     family = subparsers.add_parser("tasks", help="instructions: list, show, validate, generate").add_subparsers(
         title="task commands", metavar="COMMAND", required=True
     )
-    files = "shipped set (single, multi) or instruction file; default: the shipped sets"
+    files = "shipped set (single, multi, behavior) or instruction file; default: single and multi"
 
     listing = family.add_parser("list", help="one line per instruction, or figures of the set")
     listing.add_argument("sets", nargs="*", metavar="SET", help=files)
