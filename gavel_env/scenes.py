@@ -16,9 +16,33 @@ import msgspec
 from gavel_env.errors import SceneError, UnknownScene
 from gavel_env.ontology import Mount
 
-__all__ = ["Furniture", "Item", "NotPlaced", "Opening", "RoomOutline", "Scene", "load_scene", "scene_names"]
+__all__ = [
+    "BENCHMARK_HOUSES",
+    "Furniture",
+    "Item",
+    "NotPlaced",
+    "Opening",
+    "RoomOutline",
+    "Scene",
+    "load_scene",
+    "scene_names",
+]
 
 FORMAT = "gavel-scene/1"
+
+BENCHMARK_HOUSES = (
+    "Beechwood_0_int",
+    "Pomaria_1_int",
+    "Wainscott_0_int",
+    "Ihlen_1_int",
+    "Rs_int",
+    "Benevolence_1_int",
+    "Merom_1_int",
+    "Wainscott_1_int",
+    "Beechwood_1_int",
+    "Pomaria_0_int",
+)
+"""The ten houses of the benchmarks; location priors never see them, nor their garden twins."""
 
 Point = tuple[float, float]
 

@@ -12,20 +12,9 @@ from gavel_env.dynamics import apply, first_violation
 from gavel_env.graph import Node, Relation, SceneGraph, Support
 from gavel_env.grounding import scene_graph
 from gavel_env.ontology import default_ontology
-from gavel_env.scenes import Scene
+from gavel_env.scenes import BENCHMARK_HOUSES, Scene
 
-HOUSES = (
-    "Beechwood_0_int",
-    "Pomaria_1_int",
-    "Wainscott_0_int",
-    "Ihlen_1_int",
-    "Rs_int",
-    "Benevolence_1_int",
-    "Merom_1_int",
-    "Wainscott_1_int",
-    "Beechwood_1_int",
-    "Pomaria_0_int",
-)
+HOUSES = BENCHMARK_HOUSES
 MOVABLES = ("apple", "bowl", "plate", "tray", "mug", "hardback", "lunch_box")
 
 

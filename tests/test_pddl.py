@@ -18,20 +18,9 @@ from gavel_env.actions import Action, Primitive
 from gavel_env.dynamics import Profile
 from gavel_env.graph import SceneGraph
 from gavel_env.pddl import BOOKKEEPING, PddlNameError, action_of, export_pddl, state_facts
-from gavel_env.scenes import scene_names
+from gavel_env.scenes import BENCHMARK_HOUSES, scene_names
 
-HOUSES = (
-    "Beechwood_0_int",
-    "Pomaria_1_int",
-    "Wainscott_0_int",
-    "Ihlen_1_int",
-    "Rs_int",
-    "Benevolence_1_int",
-    "Merom_1_int",
-    "Wainscott_1_int",
-    "Beechwood_1_int",
-    "Pomaria_0_int",
-)
+HOUSES = BENCHMARK_HOUSES
 
 
 def grounded(graph: SceneGraph, profile: Profile = Profile.PAPER) -> Task:

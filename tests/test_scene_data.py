@@ -13,22 +13,11 @@ from envs_data.build.manifest import check_manifest, compute
 from gavel_env.errors import DataError
 from gavel_env.geometry import floor_map
 from gavel_env.ontology import default_ontology
-from gavel_env.scenes import Scene, load_scene, scene_names
+from gavel_env.scenes import BENCHMARK_HOUSES, Scene, load_scene, scene_names
 
 SCENES = scene_names()
 MEASURED = tuple(name for name in SCENES if load_scene(name).outline == "measured")
-BENCHMARK = (
-    "Beechwood_0_int",
-    "Pomaria_1_int",
-    "Wainscott_0_int",
-    "Ihlen_1_int",
-    "Rs_int",
-    "Benevolence_1_int",
-    "Merom_1_int",
-    "Wainscott_1_int",
-    "Beechwood_1_int",
-    "Pomaria_0_int",
-)
+BENCHMARK = BENCHMARK_HOUSES
 REBUILT = ("Rs_int", "Benevolence_2_int", "hotel_suite_small")
 
 

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 
 from gavel_env.errors import DataError
+from gavel_env.scenes import BENCHMARK_HOUSES
 
 __all__ = [
     "BENCHMARK_HOUSES",
@@ -38,20 +39,6 @@ FORMAT = "gavel-room-contents/1"
 MINIMUM_SCENES = 3
 MOST_PER_ROOM = 50
 """A shop's 1,411 apples in one room count as this many placements."""
-
-BENCHMARK_HOUSES = (
-    "Beechwood_0_int",
-    "Pomaria_1_int",
-    "Wainscott_0_int",
-    "Ihlen_1_int",
-    "Rs_int",
-    "Benevolence_1_int",
-    "Merom_1_int",
-    "Wainscott_1_int",
-    "Beechwood_1_int",
-    "Pomaria_0_int",
-)
-"""The houses of the two benchmarks: the shipped priors never saw them, nor their garden twins."""
 
 
 class RoomInfo(NamedTuple):

@@ -14,7 +14,7 @@ import numpy as np
 
 from gavel_env.errors import InstructionError
 from gavel_env.instructions import Instruction
-from gavel_env.scenes import scene_names
+from gavel_env.scenes import BENCHMARK_HOUSES, scene_names
 from gavel_env.tasks.assembly import assemble, initial_graph, rooms_visited
 from gavel_env.tasks.certificate import certify
 from gavel_env.tasks.drafts import Draft
@@ -26,19 +26,7 @@ from gavel_env.tasks.statistics import furniture_references
 
 __all__ = ["DIFFER", "HOUSES", "house_names", "multi_benchmark", "single_benchmark"]
 
-HOUSES = (
-    "Beechwood_0_int",
-    "Pomaria_1_int",
-    "Wainscott_0_int",
-    "Ihlen_1_int",
-    "Rs_int",
-    "Benevolence_1_int",
-    "Merom_1_int",
-    "Wainscott_1_int",
-    "Beechwood_1_int",
-    "Pomaria_0_int",
-)
-"""The ten benchmark houses."""
+HOUSES = BENCHMARK_HOUSES
 
 
 def house_names(wanted: Sequence[str]) -> tuple[str, ...]:
