@@ -18,9 +18,9 @@ PAGE = Path(__file__).with_suffix(".md")
 BEGINNING = """\
 # Environments
 
-Importing `gavel_env` registers two environments with Gymnasium: `Gavel-SingleTask-v0` (one task per instruction, at
-most 200 steps) and `Gavel-MultiTask-v0` (two to five independent tasks, at most 500 steps). Both are
-`gavel_env.GavelEnv` with another instruction file.
+Importing `gavel_env` registers three environments with Gymnasium: `Gavel-SingleTask-v0` (one task per instruction, at
+most 200 steps), `Gavel-MultiTask-v0` (two to five independent tasks, at most 500 steps) and `Gavel-Behavior-v0`
+([BEHAVIOR's activities](behavior.md), at most 500 steps). All are `gavel_env.GavelEnv` with another instruction file.
 
 ```python
 import gymnasium as gym

@@ -116,7 +116,7 @@ class GavelEnv(gym.Env[Observation, Any]):
     ## Arguments
 
     Args:
-        instructions: name of a shipped file ("single", "multi"), path of a JSON Lines file, or records.
+        instructions: name of a shipped file ("single", "multi", "behavior"), path of a JSON Lines file, or records.
         scenes: keep only the instructions in these scenes.
         profile: rules profile, "paper" or "omnigibson".
         robot: fields of `RobotConfig` that differ from the default.
