@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import resources
 
 import gavel_agents
 from eval.episodes import EnvironmentSettings
@@ -11,6 +10,7 @@ from eval.records import Contestant
 from eval.rig import ENVIRONMENTS
 from eval.runner import contestant
 from gavel_agents.llm import BadPlannerSpec
+from gavel_agents.llm.replay import shipped_recordings
 from gavel_agents.methods import METHODS
 from gavel_env.errors import UnknownAgent
 
@@ -33,20 +33,29 @@ def default_agents(planners: Sequence[str]) -> tuple[str, ...]:
 
 
 def default_planners(kinds: Sequence[str]) -> tuple[str, ...]:
-    """Return, for each kind of instructions, the shipped recording of a real model, else the reference plans.
+    """Return, for each kind of instructions, a shipped recording of a real model if there is one, and reference plans.
 
     With reference plans in a model's place (no model at all) only what comes after the plan is compared: belief, search
     and order.
     """
-    folder = resources.files("envs_data") / "recordings"
-    recorded = {kind: (folder / f"{kind}.jsonl.gz").is_file() for kind in kinds}
-    return tuple(f"{kind}=replay:{kind}" if there else f"{kind}=reference:{kind}" for kind, there in recorded.items())
+    recorded = shipped_recordings()
+    planners: list[str] = []
+    for kind in kinds:
+        planners += [f"{kind}=replay:{kind}"] if kind in recorded else []
+        planners.append(f"{kind}=reference:{kind}")
+    return tuple(planners)
 
 
 def compared_by_default(contestant: Contestant) -> bool:
-    """Return whether a contestant says something without being asked for: plans as written need a model's plans."""
-    given = contestant.planner.startswith("reference:")
-    return not given or METHODS[contestant.agent].order != "written"
+    """Return whether a contestant says something without being asked for.
+
+    With a recording, those whose every prompt is in it; with reference plans, those that order.
+    """
+    kind, _, source = contestant.planner.partition(":")
+    if kind == "replay":
+        recording = shipped_recordings().get(source)
+        return recording is None or contestant.agent in recording.agents
+    return kind != "reference" or METHODS[contestant.agent].order != "written"
 
 
 def choose(

@@ -136,11 +136,13 @@ class RecordingModel:
     """Answers from a recording where it can, else asks the model and appends what it said (one gzip member each)."""
 
     def __init__(self, model: ChatModel, path: str | Path) -> None:
-        """Continue the recording at `path`, or begin it."""
+        """Continue the recording at `path` (what a killed run tore off its end is dropped), or begin it."""
         self.name = model.name
         self.decoding = model.decoding
         self._model = model
         self._path = Path(path)
+        if self._path.exists():
+            compact(self._path)
         self._known = {r.key: r for r in read_recording(path)} if self._path.exists() else {}
         self._writing = threading.Lock()
 
@@ -192,3 +194,27 @@ def shipped_recording(name: str) -> Path:
         known = ", ".join(sorted(p.name.removesuffix(".jsonl.gz") for p in folder.glob("*.jsonl.gz"))) or "none"
         raise DataError(f"no recording {name!r} at this path or shipped; shipped recordings: {known}")
     return path
+
+
+class ShippedRecording(msgspec.Struct, frozen=True):
+    """What `envs_data/recordings/index.json` says of a recording.
+
+    Attributes:
+        model: name of the model.
+        source: where the model comes from.
+        instructions: shipped instruction file that was recorded, whole.
+        agents: methods all of whose prompts are in it.
+    """
+
+    model: str
+    source: str
+    instructions: str
+    agents: tuple[str, ...]
+
+
+def shipped_recordings() -> dict[str, ShippedRecording]:
+    """Return the shipped recordings by name."""
+    index = Path(str(resources.files("envs_data") / "recordings" / "index.json"))
+    if not index.is_file():
+        return {}
+    return msgspec.json.decode(index.read_bytes(), type=dict[str, ShippedRecording])
