@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from collections.abc import Iterable, Iterator, Sequence
 from importlib import resources
 from pathlib import Path
@@ -93,21 +94,29 @@ def read_samples(source: str) -> list[Sample]:
         UnknownInstruction: no shipped file has this name.
         DataError: unreadable or malformed; names the file and the line.
     """
-    pairs = Path(str(resources.files("envs_data") / "instructions" / "pairs" / f"{source}.jsonl"))
-    path = Path(source) if source.endswith(".jsonl") else pairs if pairs.is_file() else shipped(source)
+    path = _path(source)
     try:
-        lines = path.read_bytes().splitlines()
-    except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror}") from error
+        content = path.read_bytes()
+        lines = (gzip.decompress(content) if path.suffix == ".gz" else content).splitlines()
+    except (OSError, EOFError) as error:
+        raise DataError(f"{path} cannot be read: {error}") from error
     samples = []
-    for number, content in enumerate(lines, start=1):
+    for number, raw in enumerate(lines, start=1):
         try:
-            line = msgspec.json.decode(content, type=_Line)
+            line = msgspec.json.decode(raw, type=_Line)
             tasks = line.meta.targets or msgspec.json.decode(line.tasks, type=tuple[Target, ...])
         except msgspec.DecodeError as error:
             raise DataError(f"{path}:{number}: no targets of understanding: {error}") from error
         samples.append(Sample(line.id, line.text, tasks))
     return samples
+
+
+def _path(source: str) -> Path:
+    if source.endswith((".jsonl", ".jsonl.gz")):
+        return Path(source)
+    folder = Path(str(resources.files("envs_data") / "instructions" / "pairs"))
+    pairs = (folder / f"{source}{ending}" for ending in (".jsonl", ".jsonl.gz"))
+    return next((path for path in pairs if path.is_file()), None) or shipped(source)
 
 
 def evaluate(understanding: Understanding, samples: Sequence[Sample]) -> Report:

@@ -51,6 +51,11 @@ def process(discourse: Discourse, act: Act) -> None:
         flags = [_cycle(discourse, e.what) for e in frame.elements if isinstance(e, Cycle)]
     if not flags:
         raise Abstention("unparsed", f"what shall be done with the {said(things[0])}?")
+    for thing in things:
+        holder = discourse.wished[thing].holder if thing in discourse.wished else None
+        if thing in discourse.brought and isinstance(holder, Entity) and process_flag(holder) in flags:
+            discourse.drop(thing)  # "take it to the dryer and dry it" does not say that it stays there
+            discourse.instrument = holder
     for flag in dict.fromkeys(flags):
         act.goals.extend(_process_goals(flag, things))
 

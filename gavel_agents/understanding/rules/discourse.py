@@ -44,6 +44,10 @@ class Discourse:
         instrument: the appliance used last: `there` after a wash.
         telling: the frame before stated a fact, so that the next fact adds to the focus.
         following: the frame that comes next in the sentence.
+        acts: what was read so far.
+        offered: a destination that was said before what goes there.
+        visited: where the robot was sent to take something.
+        brought: things that were brought `to` an appliance.
     """
 
     focus: list[Entity] = field(default_factory=list)
@@ -55,6 +59,10 @@ class Discourse:
     instrument: Entity | None = None
     telling: bool = False
     following: Frame | None = None
+    acts: list[Act] = field(default_factory=list)
+    offered: Phrase | None = None
+    visited: Phrase | None = None
+    brought: set[Entity] = field(default_factory=set)
 
     def name(self, act: Act) -> None:
         """Note the noun phrases of a frame."""
@@ -89,9 +97,14 @@ class Discourse:
         """
         if pronoun.whole and self.container:
             return [self.container]
+        if pronoun.both and len(self.focus) == 1 and self.container and self._rides(self.focus[0]):
+            return [self.container]  # both: the tray with what is on it
         if not self.focus:
             raise Abstention("no_antecedent", "a pronoun stands for nothing said before")
         return list(self.focus)
+
+    def _rides(self, thing: Entity) -> bool:
+        return thing in self.wished and self.wished[thing].holder == self.container
 
     def same_place(self, entity: Entity) -> Entity:
         """Return the piece with the room that an earlier mention gave it."""
@@ -141,15 +154,28 @@ class Discourse:
         if relation.holder == thing:
             raise Abstention("unparsed", f"the {said(thing)} cannot hold itself")
         self.put(act, thing, relation)
+        if phrase.preposition == "to":
+            self.brought.add(thing)
+        else:
+            self.brought.discard(thing)
         if isinstance(relation.holder, Entity):
             self.loaded.setdefault(relation.holder, []).append(thing)
             if relation.holder.movable:
                 self.container = relation.holder
 
     def put(self, act: Act, thing: Entity, relation: Relation) -> None:
-        """Note a relation that shall hold."""
+        """Note a relation that shall hold; an appliance that a thing was brought to before was only on its way."""
+        earlier = self.wished.get(thing)
+        if earlier is not None and earlier != relation and earlier.holder == self.instrument:
+            self.drop(thing)
         self.wished[thing] = relation
         act.goals.append(literal_of(relation, thing))
+
+    def drop(self, thing: Entity) -> None:
+        """Forget where a thing was to go."""
+        literal = literal_of(self.wished.pop(thing), thing)
+        for act in self.acts:
+            act.goals[:] = [goal for goal in act.goals if goal != literal]
 
 
 def movables(elements: list[Element]) -> list[Entity]:

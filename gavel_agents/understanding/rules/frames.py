@@ -26,9 +26,10 @@ class Entity(NamedTuple):
 
 
 class Pronoun(NamedTuple):
-    """`it`, `them`, `both`, or `the whole thing`."""
+    """`it` and `them`, `both`, or `the whole thing`."""
 
     whole: bool = False
+    both: bool = False
 
 
 class There(NamedTuple):
@@ -187,6 +188,9 @@ class _Reader:
         elif kind is Kind.QUANTIFIER:
             self.quantifier()
         elif kind is Kind.THERE:
+            if token.text.startswith("where"):
+                self.close()
+                self.frame.verb, self.frame.word = "MOVE", "stay"
             if token.text.startswith("from"):
                 self.preposition = Token(Kind.PREPOSITION, "from", "from")
             self.preposition = self.preposition or Token(Kind.PREPOSITION, "in", "there")
@@ -278,7 +282,7 @@ class _Reader:
         if self.kind() is Kind.DETERMINER:
             return
         if self.kind() is not Kind.NOUN and self.frame.verb and not self.frame.of(Entity) + self.frame.of(Pronoun):
-            self.put(Pronoun())
+            self.put(Pronoun(both=True))
 
     def where(self) -> None:
         """Take `where the mug is`, or turn `in the sink is where` into a phrase that leads."""
@@ -307,6 +311,10 @@ class _Reader:
         frame = self.frame
         if self.previous is Kind.WISH and token.kind is Kind.WISH:
             return  # should go, needs to end up
+        if token.text == "go" and frame.empty and not frame.marked:
+            if self.kind() is not Kind.VERB:  # "go find it" says no more than "find it"
+                frame.verb, frame.word = "GET", "go"  # go to the fridge for the milk
+            return
         if frame.mood != "do" or frame.verb:
             subject = self.split_subject()
             self.close()

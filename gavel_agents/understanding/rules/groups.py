@@ -16,7 +16,20 @@ __all__ = ["Group", "grouped", "locate", "locates", "place"]
 # both, `put the mug and the cup from the sink on the table` of the cup.
 _TAKE_FROM = frozenset(
     form
-    for verb in ("bring", "take", "move", "carry", "transfer", "remove", "empty", "clear", "relocate", "transport")
+    for verb in (
+        "bring",
+        "take",
+        "move",
+        "carry",
+        "transfer",
+        "remove",
+        "empty",
+        "clear",
+        "relocate",
+        "transport",
+        "collect",
+        "pull",
+    )
     for form in verb_forms(verb)
 )
 
@@ -77,13 +90,24 @@ def grouped(discourse: Discourse, act: Act) -> tuple[list[Phrase], list[Group]]:
     return leading, [g for g in groups if g.things or g.phrases]
 
 
-def locate(discourse: Discourse, act: Act, group: Group, phrase: Phrase, owner: Entity | None) -> None:
-    """State where things are: a relative clause speaks of the last thing, `out of` and `off` of all before it."""
+def locate(
+    discourse: Discourse, act: Act, group: Group, phrase: Phrase, owner: Entity | None, *, spreads: bool = True
+) -> None:
+    """State where things are: a relative clause speaks of the last thing, `out of` and `off` of all before it.
+
+    Args:
+        discourse: where it is noted.
+        act: of the frame.
+        group: the things.
+        phrase: says where.
+        owner: the thing before the phrase.
+        spreads: the phrase can speak of several things.
+    """
     before = group.things[: group.things.index(owner) + 1] if owner in group.things else []
     source = phrase.preposition in ("out", "off") or (
         phrase.preposition == "from" and act.frame.word.partition(" ")[0] in _TAKE_FROM
     )
-    spread = source and not phrase.relative and not any(t in discourse.where for t in before[:-1])
+    spread = source and spreads and not phrase.relative and not any(t in discourse.where for t in before[:-1])
     for thing in before if before and spread else [owner or group.things[-1]]:
         discourse.state(act, thing, phrase)
 
@@ -94,7 +118,7 @@ def place(discourse: Discourse, act: Act, leading: Sequence[Phrase], groups: Seq
     Raises:
         Abstention: things are to be put, and nothing says where.
     """
-    ends = [_end_of(discourse, act, group) for group in groups]
+    ends = [_end_of(discourse, act, group, alone=len(groups) == 1) for group in groups]
     for phrase in leading:
         if locates(phrase):
             for group in groups:
@@ -103,6 +127,11 @@ def place(discourse: Discourse, act: Act, leading: Sequence[Phrase], groups: Seq
         elif not any(ends):
             ends = [phrase] * len(groups)
     _share(discourse, act, groups, ends)
+    if discourse.offered is not None and not any(ends) and not act.frame.verb:
+        ends = [discourse.offered] * len(groups)
+    for index in range(1, len(ends)):
+        if ends[index] is None:
+            ends[index] = ends[index - 1]  # ..., and the fork too
     for end, group in zip(ends, groups, strict=True):
         if end is not None:
             for thing in group.things:
@@ -116,12 +145,12 @@ def _placed(discourse: Discourse, group: Group) -> bool:
     return any(t in discourse.wished for t in group.things)
 
 
-def _end_of(discourse: Discourse, act: Act, group: Group) -> Phrase | None:
+def _end_of(discourse: Discourse, act: Act, group: Group, *, alone: bool) -> Phrase | None:
     """State the locations of a group; return the phrase that says where it goes."""
     going = group.going
     for phrase, owner in group.phrases:
         if locates(phrase) or phrase is not going[-1]:
-            locate(discourse, act, group, phrase, owner)
+            locate(discourse, act, group, phrase, owner, spreads=alone or bool(going))
     return going[-1] if going else None
 
 

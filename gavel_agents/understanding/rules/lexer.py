@@ -86,6 +86,14 @@ def _plurals(noun: str) -> Iterator[str]:
         yield f"{prefix}{last}s{of}{rest}"
 
 
+def _in_a_room(noun: str) -> bool:
+    """Return whether a noun says the room of another one: the garden chair is the chair in the garden."""
+    vocabulary = default_vocabulary()
+    rooms = {word for words in vocabulary.rooms.values() for word in words}
+    nouns = {word for words in vocabulary.furniture.values() for word in words.nouns}
+    return any(noun.startswith(f"{room} ") and noun.removeprefix(f"{room} ") in nouns for room in rooms)
+
+
 @cache
 def known_nouns() -> Mapping[tuple[str, ...], tuple[Kind, str]]:
     """Return every noun phrase with its category or room type; a vague noun has the categories it could mean."""
@@ -99,7 +107,8 @@ def known_nouns() -> Mapping[tuple[str, ...], tuple[Kind, str]]:
     for group in (vocabulary.movables, vocabulary.furniture):
         for category, entry in group.items():
             for noun in entry.nouns:
-                add(noun.lower(), Kind.NOUN, category, plural=not vocabulary.is_plural(category))
+                if not _in_a_room(noun.lower()):
+                    add(noun.lower(), Kind.NOUN, category, plural=not vocabulary.is_plural(category))
     for room, nouns in vocabulary.rooms.items():
         for noun in nouns:
             add(noun.lower(), Kind.ROOM, room, plural=False)
@@ -110,7 +119,8 @@ def known_nouns() -> Mapping[tuple[str, ...], tuple[Kind, str]]:
     for noun, categories in VAGUE.items():
         add(noun, Kind.NOUN, "|".join(categories))
     for name in ontology:
-        add(name.replace("_", " "), Kind.NOUN, name)
+        if not _in_a_room(name.replace("_", " ")):
+            add(name.replace("_", " "), Kind.NOUN, name)
     return table
 
 

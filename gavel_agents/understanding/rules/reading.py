@@ -12,6 +12,7 @@ from gavel_agents.understanding.rules.lexer import Abstention, sentences_of
 from gavel_agents.understanding.rules.tasks import Sentence, split_tasks
 from gavel_agents.understanding.rules.verbs import read_frame
 from gavel_env.goals import Designator, Literal, Predicate
+from gavel_env.ontology import default_ontology
 
 __all__ = ["RulesUnderstanding"]
 
@@ -45,9 +46,19 @@ def _tasks(text: str) -> tuple[TaskUnderstanding, ...]:
     tasks = split_tasks(read)
     if not tasks:
         raise Abstention("no_goal", "nothing is asked for")
+    _check_complete(tasks)
     _check_possible([literal for task in tasks for literal in task.relations], "is said to be")
     _check_possible([literal for task in tasks for literal in task.goal.literals], "shall be")
     return tasks
+
+
+def _check_complete(tasks: Iterable[TaskUnderstanding]) -> None:
+    """Refuse what names a thing and then asks for nothing about it: something was not understood."""
+    for task in tasks:
+        used = {d for literal in (*task.relations, *task.goal.literals) for d in (literal.subject, literal.object)}
+        for designator in task.objects:
+            if default_ontology()[designator.name].graspable and designator not in used:
+                raise Abstention("unparsed", f"nothing is asked for with {designator.name.replace('_', ' ')!r}")
 
 
 def _check_possible(literals: Iterable[Literal], verb: str) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from gavel_agents.understanding.base import TaskUnderstanding
 from gavel_agents.understanding.rules.discourse import Act
-from gavel_agents.understanding.rules.frames import Entity, Phrase, There
+from gavel_agents.understanding.rules.frames import Entity, Phrase, Pronoun, There
 from gavel_agents.understanding.rules.words import Kind
 from gavel_env.goals import Designator, Goal, Literal, Predicate
 
@@ -52,6 +52,11 @@ class _Unit:
     @property
     def asks(self) -> bool:
         return any(act.goals for act in self.acts)
+
+    @property
+    def verbs(self) -> int:
+        """How many of its acts name or ask for something."""
+        return sum(bool(act.goals or act.mentions) for act in self.acts)
 
     @property
     def switches(self) -> bool:
@@ -104,7 +109,7 @@ def _worded(sentence: Sentence) -> list[_Unit]:
 
 def _same_unit(act: Act, unit: _Unit) -> bool:
     named = {m for m in act.mentions if m.movable}
-    there = any(isinstance(e, Phrase) and isinstance(e.target, There) for e in act.frame.elements)
+    there = any(isinstance(e, Phrase) and isinstance(e.target, There | Pronoun) for e in act.frame.elements)
     if named & unit.things or there or act.frame.verb == "SAME":
         return True
     toggles = any(g.predicate is Predicate.TOGGLED for g in act.goals)
@@ -124,8 +129,12 @@ def _joined(units: Sequence[_Unit]) -> bool:
         return False
     if any(g.predicate not in _PLACES for u in moves for act in u.acts for g in act.goals):
         return False
-    before = units[1].acts[0].frame.before
-    listed = Kind.STOP in before or not {Kind.AND, Kind.THEN} & set(before)
+    before = set(units[1].acts[0].frame.before)
+    first, second = (unit.acts[0].frame.word for unit in units[:2])
+    listed = Kind.THEN not in before and bool({Kind.AND, Kind.ALSO} & before) == (Kind.STOP in before)
+    if Kind.THEN not in before and len(moves) > 1:
+        alike = first == second if Kind.STOP in before else units[0].verbs == units[1].verbs
+        listed = listed or not alike or Kind.ALSO in before
     return len(moves[0].things) > 1 if len(moves) == 1 else not listed
 
 

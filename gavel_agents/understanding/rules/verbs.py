@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from gavel_agents.understanding.rules.appliances import about_doors, door, process, run, switched, use
 from gavel_agents.understanding.rules.discourse import Act, Discourse, movables, said
 from gavel_agents.understanding.rules.frames import Cycle, Entity, Frame, Part, Phrase, Pronoun, Room, There
-from gavel_agents.understanding.rules.groups import grouped, locate, place
+from gavel_agents.understanding.rules.groups import Group, grouped, locate, place
 from gavel_agents.understanding.rules.lexer import Abstention
 from gavel_agents.understanding.rules.words import verb_forms
 
@@ -35,6 +35,7 @@ def read_frame(discourse: Discourse, frame: Frame, following: Frame | None) -> A
     discourse.name(act)
     if frame.negated and frame.mood != "fact" and frame.verb not in ("OPEN", "CLOSE") and not about_doors(frame):
         raise Abstention("negation", f"{frame.word or 'something'!r} shall not be: cannot be said as a goal")
+    discourse.acts.append(act)
     _READ[frame.verb](discourse, act)
     discourse.settle(frame)
     return act
@@ -54,9 +55,13 @@ def _move(discourse: Discourse, act: Act) -> None:
     things = discourse.things(act)
     if groups and not groups[0].things:
         groups[0].things = list(things)
-    if discourse.instrument and groups and any(isinstance(e, Part) and e.word == "in" for e in frame.elements):
+    if discourse.instrument and any(isinstance(e, Part) and e.word == "in" for e in frame.elements):
+        groups = groups or [Group(list(things))]
         groups[-1].phrases.append((Phrase("in", There()), None))  # leave it inside
     if any(not g.things for g in groups):
+        if len(groups) == 1 and groups[0].going:
+            discourse.offered = groups[0].going[-1]  # three things have to be on the desk: ...
+            return
         raise Abstention("no_antecedent", f"what shall be {frame.word or 'moved'}?")
     place(discourse, act, leading, groups)
 
@@ -100,6 +105,14 @@ def _furniture_is(discourse: Discourse, act: Act, piece: Entity) -> None:
 
 def _get(discourse: Discourse, act: Act) -> None:
     """Read `get`, `find`, `want`: a phrase is where the thing is if the next verb takes it elsewhere."""
+    if act.frame.word == "go":
+        _go_for(discourse, act)
+        return
+    if discourse.visited is not None and not act.frame.of(Phrase):
+        for thing in discourse.things(act):
+            discourse.state(act, thing, discourse.visited)
+        discourse.visited = None
+        return
     following = discourse.following
     taken = (
         following is not None
@@ -118,6 +131,23 @@ def _get(discourse: Discourse, act: Act) -> None:
     for phrase in leading:
         for thing in things:
             discourse.state(act, thing, phrase)
+
+
+def _go_for(discourse: Discourse, act: Act) -> None:
+    """Read `go to the fridge for the milk`."""
+    phrases = [e for e in act.frame.elements if isinstance(e, Phrase)]
+    things = [p.target for p in phrases if p.preposition == "for" and isinstance(p.target, Entity)]
+    if not things:
+        going = [p for p in phrases if p.preposition == "to" and discourse.following is not None]
+        if not going:
+            raise Abstention("unparsed", "going somewhere is nothing that shall be")
+        discourse.visited = going[-1]
+        return
+    for phrase in phrases:
+        if phrase.preposition in ("to", "in"):
+            for thing in things:
+                discourse.state(act, thing, phrase)
+    act.things = discourse.focus = things
 
 
 def _fill(discourse: Discourse, act: Act) -> None:
@@ -192,6 +222,7 @@ _READ: Mapping[str, Callable[[Discourse, Act], None]] = {
     "WASH": process,
     "DRY": process,
     "FREEZE": process,
+    "DO": process,
     "USE": use,
     "RUN": _run,
     "SWITCH": _run,

@@ -57,10 +57,10 @@ _VERBS: Mapping[str, str] = {
     "MOVE": "put place set lay carry bring take move deliver transfer leave drop stick stow store keep stash return "
     "tidy pop stand relocate remove send rest hang position deposit shift haul pack tuck slide throw toss dump shelve "
     "serve stack load gather collect clear empty transport convey hand stay park ferry unload restock insert replace "
-    "scoot wait dish nest perch arrange line house file bin",
-    "GET": "get fetch grab find locate retrieve have want need seek pick",
+    "scoot wait dish nest perch arrange line house file bin hide",
+    "GET": "get fetch grab find locate retrieve have want need seek pick lift pull",
     "FILL": "fill",
-    "HEAT": "cook heat warm bake roast reheat fry grill toast broil microwave preheat boil simmer",
+    "HEAT": "cook heat warm bake roast reheat fry grill toast broil microwave preheat boil simmer prepare",
     "WASH": "wash clean rinse launder scrub",
     "DRY": "dry tumble-dry",
     "FREEZE": "freeze",
@@ -68,10 +68,11 @@ _VERBS: Mapping[str, str] = {
     "SWITCH": "switch",
     "OPEN": "open",
     "CLOSE": "close shut",
-    "SWAP": "swap exchange",
+    "SWAP": "swap exchange interchange",
     "USE": "use",
     "LET": "let make",
     "GIVE": "give",
+    "DO": "do",
 }
 
 _IRREGULAR: Mapping[str, tuple[str, ...]] = {
@@ -113,7 +114,9 @@ _PHRASE_VERBS: Mapping[str, str] = {
     "MOVE": "find a place for|find a spot for|find a home for|find room for|make room for|make space for|"
     "find space for|find somewhere for|put away|throw away|throw out|clear away|tidy up|tidy away|clear up|"
     "find a good place for|find a good spot for|drop off|set down|put down|put back|leave behind|hang up",
-    "GET": "pick up|track down|hunt down|look for|search for|dig out|let me have|let us have|it would be nice to have|"
+    "GET": "what i need is|what we need is|what i want is|what we want is|what i'd like is|the plan is to have|"
+    "the idea is to have|the aim is to have|the goal is to have|round up|pick up|track down|hunt down|look for|"
+    "search for|dig out|let me have|let us have|it would be nice to have|"
     "it'd be nice to have|it would be good to have|it would be great to have|it would be lovely to have|go get|"
     "go and get|go fetch|take hold of|get hold of|lay hands on|fish out|can i have|could i have|may i have|"
     "can we have|could we have|could do with|how nice it would be to have|i wish i had",
@@ -136,15 +139,22 @@ _SHORT = {"would": "'d", "am": "'m", "are": "'re", "will": "'ll"}
 _PHRASES: Mapping[tuple[Kind, str], str] = {
     (Kind.FACT, ""): "is|are|was|were|there is|there are|there's|there're|you'll find|you will find|you can find|"
     "i left|i've left|i have left|we left|somebody left|someone left|somebody has left|someone has left|lies|sits|"
-    "stands|lie|sit|i put|somebody put|someone put|is lying|are lying|is sitting|are sitting|is standing|are standing|"
+    "stands|lie|sit|i put|somebody put|someone put|is lying|are lying|is sitting|are sitting|is standing|"
+    "are standing|"
     "has been left|have been left|was left|were left|got left|remains|remain|is kept|are kept|is currently|"
     "are currently|can be found|is located|are located|it's|they're",
-    (Kind.WISH, ""): "should|shall|must|needs|need to|needs to|has to|have to|had better|ought to|belongs|belong|goes|"
-    "go|can go|may go|is meant to|are meant to|is supposed to|are supposed to|is to|are to|is wanted|are wanted|wants|"
-    "want to|is needed|are needed|is required|are required|ends up|end up|gets|deserves|deserve|will go|is due|are due|"
+    (Kind.WISH, ""): "might as well|would be better off|would be best|would be better|would look better|"
+    "would look best|would look good|would do well|is best|are best|is best off|are best off|should|shall|must|"
+    "needs|need to|needs to|has to|have to|had better|ought to|belongs|belong|goes|"
+    "go|can go|may go|is meant to|are meant to|is supposed to|are supposed to|is to|are to|is wanted|are wanted|"
+    "wants|"
+    "want to|is needed|are needed|is required|are required|ends up|end up|gets|deserves|deserve|will go|is due|"
+    "are due|"
     "is expected|are expected|wants to|is meant for|are meant for|will have to|has got to|have got to|"
     "is supposed to go|are supposed to go|lives|live|is going|are going|is asked for|come|comes",
-    (Kind.GOAL_MARK, ""): "make sure|see that|see to it that|see to it|ensure|be sure|make certain|check that|"
+    (Kind.GOAL_MARK, ""): "once|the right place for|the place for|the best place for|the proper place for|"
+    "the right spot for|the best spot for|the spot for|the right home for|make sure|see that|see to it that|"
+    "see to it|ensure|be sure|make certain|check that|"
     "verify that|make it so that|make it so|so that|it's time|i'd like it if|the aim is|the goal is|i'd like to see|"
     "i want to see|arrange for",
     (Kind.PREPOSITION, "on"): "on|onto|upon|on top of|on to|atop|over on|at the top of|to the top of|onto the top of",
@@ -165,21 +175,26 @@ _PHRASES: Mapping[tuple[Kind, str], str] = {
     "that sits|"
     "that lies|that stands|that's kept|that has been left|resting|which lies|"
     "which sits|that is lying|that are lying|that is sitting|that are sitting|that you'll find",
-    (Kind.PRONOUN, "it"): "it|them|they|these|those|this|that|everything|the lot|the pair|each|each one|one",
+    (
+        Kind.PRONOUN,
+        "it",
+    ): "the machine|the appliance|it|them|they|these|those|this|that|everything|the lot|the pair|each|each one|one",
     (Kind.PRONOUN, "whole"): "the whole thing|the whole lot|the whole load|the loaded tray|the whole",
     (Kind.QUANTIFIER, "all"): "both|all|both of|all of|all three|all three of|the two|the three|all of the|both of the",
     (Kind.COUNT, ""): "two|three|four|five|six|seven|eight|nine|ten|every|several|many|few|dozen|twelve|each of|none",
     (Kind.DETERMINER, ""): "the|a|an|some|my|our|your|his|her|their|any|any of the|one of the|another",
-    (Kind.AND, ""): "and|but|as well as|along with|together with|&|and also|plus also|and likewise",
+    (Kind.AND, ""): "and|but|while|whereas|as well as|along with|together with|&|plus also|and likewise",
     (Kind.THEN, ""): "then|and then|afterwards|after that|next|finally|lastly|after which|when that's done|before|"
     "once that's done|after",
-    (Kind.ALSO, ""): "also|plus|besides|as well|in addition|additionally|too|furthermore|moreover|one more thing|"
+    (Kind.ALSO, ""): "and also|moving on|there is more|there's more|also|plus|besides|as well|in addition|additionally|"
+    "too|furthermore|moreover|one more thing|"
     "one more job|"
     "while you're at it|on top of that|apart from that|what's more|likewise|oh|further|meanwhile|second|secondly|"
     "first|firstly|third|thirdly|another thing|another job|last but not least|one last thing|one other thing|"
     "beyond that|as an extra|that's not all",
     (Kind.NOT, ""): "don't|do not|never|not|without|no|isn't|aren't|shouldn't|avoid|nothing|nowhere|nor",
-    (Kind.THERE, ""): "there|in there|on there|from there|in that one",
+    (Kind.THERE, ""): "where it can stay|where they can stay|where it stays|where they stay|where it may stay|"
+    "where they may stay|there|in there|on there|from there|in that one",
     (Kind.WHERE, ""): "where",
     (Kind.PARTICLE, ""): "away|up|down|back|together|over|around|along|aside|across|inwards",
     (Kind.PARTICLE, "on"): "going|powered|lit",
@@ -191,21 +206,36 @@ _PHRASES: Mapping[tuple[Kind, str], str] = {
     (Kind.SWAPPED, ""): "trade places|trade spots|switch places|change places|swap places|the other way round|"
     "the other way around|swapped around|swap around|trade|swapped round|exchange places|swap spots|vice versa|"
     "change position|change positions|switch spots|switch around|in each other's place|reversed|round the other way",
-    (Kind.SAME, ""): "do the same for|do the same with|the same for|the same with|the same goes for|same for|"
+    (
+        Kind.SAME,
+        "",
+    ): "so does|so do|so is|so are|so should|so must|so has|so have|so will|do the same for|do the same with|"
+    "the same for|the same with|the same goes for|same for|"
     "do likewise with|likewise for|repeat for|repeat with|repeat that for|repeat that with",
     (Kind.CYCLE, "WASH"): "a wash|a wash cycle|the wash|a clean|a rinse|a good wash|a proper wash|a washing",
     (Kind.CYCLE, "DRY"): "a dry|a drying cycle|a tumble|a tumble dry",
     (Kind.CYCLE, "TURN"): "a turn|a spin|a cycle|a run|a go|the cycle|a programme|a program|its cycle",
     (Kind.DOOR, ""): "door|doors|lid|drawer|the door|a door|its door|the doors|any door|the lid",
-    (Kind.FILLER, ""): "please|kindly|could you|can you|would you|will you|would you mind|do you mind|"
+    (Kind.FILLER, ""): "the following needs doing|the following needs to be done|this needs doing|"
+    "these need doing|these things need doing|"
+    "take care of the following|see to the following|please do the following|not to forget|lest i forget|what else|"
+    "what comes next|at some point|at some stage|at your leisure|at your convenience|next up|aside from that|"
+    "would you care to|care to|do the following|the following|see if you can|see whether you can|"
+    "the plan is to|the idea is to|the aim is to|the goal is to|one by one|one at a time|one after the other|"
+    "one after another|separately|in turn|the places of|the positions of|the spots of|the whereabouts of|"
+    "two things|all of these|all of the following|"
+    "three things|these things|the following things|will you|won't you|try and|see about|"
+    "go ahead|by itself|in any order|please|kindly|could you|can you|would you|will you|would you mind|do you mind|"
     "would you be so kind as to|would you be so good as to|be so kind as to|be so good as to|"
     "could you be so kind as to|"
     "if you would|how about|what about|"
-    "you should|you can|you could|you may|you must|you need to|you have to|you ought to|don't forget to|do not forget "
+    "you should|you can|you could|you may|you must|you need to|you have to|you ought to|don't forget to|"
+    "do not forget "
     "to|remember to|i'd like you to|i would like you to|i want you to|i need you to|we need you to|we'd like you to|"
     "we want you to|it would be great if you could|it would be nice if you could|it'd be great if you could|"
     "it would be lovely if you could|i'd appreciate it if you could|i'd be glad if you could|i'd be grateful if you "
-    "could|would it be possible to|is it possible to|would you please|could you please|can you please|will you please|"
+    "could|would it be possible to|is it possible to|would you please|could you please|can you please|"
+    "will you please|"
     "go ahead and|go and|try to|feel free to|be a dear and|do me a favour and|do me a favor and|your task is to|"
     "your job is to|you're to|you are to|i ask you to|i'm asking you to|let's|make an effort to|may i ask you to|"
     "might you|i was hoping you could|i was hoping you would|i wonder if you could|could you possibly|"
@@ -255,6 +285,13 @@ def _verbs() -> Iterator[tuple[str, str]]:
                 yield f"{form} {rest}".strip(), meaning
 
 
+def _orders() -> Iterator[str]:
+    """Yield `someone should`, `somebody has to`, ...: who is told is the robot in any case."""
+    for who in ("someone", "somebody"):
+        for must in ("should", "must", "has to", "needs to", "ought to", "had better", "could", "can", "will have to"):
+            yield f"{who} {must}"
+
+
 def _wishes() -> Iterator[str]:
     """Yield `i want`, `i'd like`, `we could do with to have`, ..."""
     for who in _WISHERS:
@@ -270,6 +307,8 @@ def closed_words() -> Mapping[tuple[str, ...], tuple[Kind, str]]:
     table: dict[tuple[str, ...], tuple[Kind, str]] = {}
     for phrase, meaning in _verbs():
         table[tuple(phrase.split())] = (Kind.VERB, meaning)
+    for phrase in _orders():
+        table[tuple(phrase.split())] = (Kind.FILLER, "")
     for phrase in _wishes():
         table[tuple(phrase.split())] = (Kind.VERB, "GET")
     for (kind, value), phrases in _PHRASES.items():
