@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from gavel_agents.understanding.rules.discourse import Act, Discourse, designator_of, movables, said
-from gavel_agents.understanding.rules.frames import Cycle, Entity, Frame, Part, Phrase, Room
+from gavel_agents.understanding.rules.elements import Cycle, Entity, Frame, Part, Phrase, Room
 from gavel_agents.understanding.rules.groups import locates
 from gavel_agents.understanding.rules.lexer import Abstention
 from gavel_agents.understanding.rules.places import can_run, flag_of, process_flag

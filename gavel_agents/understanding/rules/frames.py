@@ -3,115 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
 
+from gavel_agents.understanding.rules.elements import (
+    Cycle,
+    Element,
+    Entity,
+    Frame,
+    Part,
+    Phrase,
+    Pronoun,
+    Room,
+    Separator,
+    There,
+)
 from gavel_agents.understanding.rules.lexer import Abstention, Token
 from gavel_agents.understanding.rules.words import Kind
-from gavel_env.ontology import default_ontology
 
-__all__ = ["Cycle", "Entity", "Frame", "Part", "Phrase", "Pronoun", "Separator", "There", "frames_of"]
-
-
-class Entity(NamedTuple):
-    """A noun phrase: a category, and the room that was said with it."""
-
-    category: str
-    room: str | None = None
-
-    @property
-    def movable(self) -> bool:
-        """True for what can be carried."""
-        return default_ontology()[self.category].graspable
-
-
-class Pronoun(NamedTuple):
-    """`it` and `them`, `both`, or `the whole thing`."""
-
-    whole: bool = False
-    both: bool = False
-
-
-class There(NamedTuple):
-    """`there`."""
-
-
-class Room(NamedTuple):
-    """A room that stands for itself."""
-
-    type: str
-
-
-class Phrase(NamedTuple):
-    """A prepositional phrase.
-
-    Attributes:
-        preposition: as in `Kind.PREPOSITION`, or "where" (the place of the target).
-        target: what follows it.
-        relative: it says where something is (`that's on …`).
-        directional: it can only say where something goes (`into`, `to`).
-    """
-
-    preposition: str
-    target: Entity | Room | Pronoun | There
-    relative: bool = False
-    directional: bool = False
-
-
-class Part(NamedTuple):
-    """A word that stands alone: on, off, door."""
-
-    word: str
-
-
-class Cycle(NamedTuple):
-    """`a wash`, `a spin`."""
-
-    what: str
-
-
-class Separator(NamedTuple):
-    """`and`, a comma, `then`, ..., and where it stands in the sentence."""
-
-    kind: Kind
-    start: int = 0
-
-
-Element = Entity | Pronoun | Phrase | Part | Cycle | Separator
-
-
-@dataclass
-class Frame:
-    """A verb and what goes with it.
-
-    Attributes:
-        verb: what it asks for.
-        word: as it was said.
-        mood: "do", "fact" or "wish".
-        negated: it shall not be.
-        marked: `make sure that` leads to it.
-        elements: in the order said.
-        before: the separators that lead to it.
-        end: where it ends in the sentence.
-    """
-
-    verb: str = ""
-    word: str = ""
-    mood: str = "do"
-    negated: bool = False
-    marked: bool = False
-    elements: list[Element] = field(default_factory=list)
-    before: list[Kind] = field(default_factory=list)
-    end: int = 0
-
-    def of(self, kind: type) -> list[Element]:
-        """Return the elements of one type."""
-        return [e for e in self.elements if isinstance(e, kind)]
-
-    @property
-    def empty(self) -> bool:
-        """True if nothing but separators was said."""
-        return not self.verb and all(isinstance(e, Separator) for e in self.elements)
+__all__ = ["frames_of"]
 
 
 _SEPARATORS = (Kind.AND, Kind.COMMA, Kind.STOP, Kind.THEN, Kind.ALSO)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from gavel_agents.understanding.rules.discourse import Act, Discourse, movables, said
-from gavel_agents.understanding.rules.frames import Entity, Phrase, Pronoun
+from gavel_agents.understanding.rules.elements import Entity, Phrase, Pronoun
 from gavel_agents.understanding.rules.lexer import Abstention
-from gavel_agents.understanding.rules.words import verb_forms
+from gavel_agents.understanding.rules.verb_words import verb_forms
 
 __all__ = ["Group", "grouped", "locate", "locates", "place"]
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from gavel_agents.understanding.base import TaskUnderstanding
 from gavel_agents.understanding.rules.discourse import Act
-from gavel_agents.understanding.rules.frames import Entity, Phrase, Pronoun, There
+from gavel_agents.understanding.rules.elements import Entity, Phrase, Pronoun, There
 from gavel_agents.understanding.rules.words import Kind
 from gavel_env.goals import Designator, Goal, Literal, Predicate
 

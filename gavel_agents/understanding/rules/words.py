@@ -1,6 +1,6 @@
 """Closed-class words of the rules understanding: what every word other than a noun does in an instruction.
 
-Verbs are grouped by what they ask for; their forms are derived. The longest phrase wins.
+The longest phrase wins; verbs stand in `verb_words`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,9 @@ import enum
 from collections.abc import Iterator, Mapping
 from functools import cache
 
-__all__ = ["CHAT_STARTS", "Kind", "closed_words", "verb_forms"]
+from gavel_agents.understanding.rules.verb_words import verb_phrases
+
+__all__ = ["CHAT_STARTS", "Kind", "closed_words"]
 
 
 class Kind(enum.Enum):
@@ -17,7 +19,7 @@ class Kind(enum.Enum):
 
     NOUN = "noun"
     ROOM = "room"
-    VERB = "verb"  # value: what it asks for (`_VERBS`)
+    VERB = "verb"  # value: what it asks for (`verb_words`)
     FACT = "fact"  # states where something is
     WISH = "wish"  # states where something shall be
     GOAL_MARK = "goal mark"  # what follows shall come true
@@ -51,81 +53,6 @@ company just busy lots plenty things
 """
 CHAT_STARTS = frozenset(_CHAT_STARTS.split())
 """A leading remark that names no thing, room or place and begins like this is small talk, not a request."""
-
-# What the verb asks for -> its verbs. MOVE: bring somewhere. GET: take up, or have somewhere. RUN: switch on.
-_VERBS: Mapping[str, str] = {
-    "MOVE": "put place set lay carry bring take move deliver transfer leave drop stick stow store keep stash return "
-    "tidy pop stand relocate remove send rest hang position deposit shift haul pack tuck slide throw toss dump shelve "
-    "serve stack load gather collect clear empty transport convey hand stay park ferry unload restock insert replace "
-    "scoot wait dish nest perch arrange line house file bin hide",
-    "GET": "get fetch grab find locate retrieve have want need seek pick lift pull",
-    "FILL": "fill",
-    "HEAT": "cook heat warm bake roast reheat fry grill toast broil microwave preheat boil simmer prepare",
-    "WASH": "wash clean rinse launder scrub",
-    "DRY": "dry tumble-dry",
-    "FREEZE": "freeze",
-    "RUN": "run start activate power flip light turn",
-    "SWITCH": "switch",
-    "OPEN": "open",
-    "CLOSE": "close shut",
-    "SWAP": "swap exchange interchange",
-    "USE": "use",
-    "LET": "let make",
-    "GIVE": "give",
-    "DO": "do",
-}
-
-_IRREGULAR: Mapping[str, tuple[str, ...]] = {
-    "put": ("putting",),
-    "set": ("setting",),
-    "lay": ("laid", "laying"),
-    "bring": ("brought",),
-    "take": ("took", "taken"),
-    "leave": ("left",),
-    "stick": ("stuck",),
-    "keep": ("kept",),
-    "stand": ("stood",),
-    "send": ("sent",),
-    "hang": ("hung",),
-    "throw": ("threw", "thrown"),
-    "get": ("got", "gotten", "getting"),
-    "find": ("found",),
-    "have": ("had", "has"),
-    "seek": ("sought",),
-    "run": ("running", "ran"),
-    "give": ("gave", "given"),
-    "shut": ("shutting",),
-    "let": ("letting",),
-    "make": ("made",),
-    "light": ("lit",),
-    "freeze": ("froze", "frozen"),
-    "slide": ("slid",),
-    "fry": ("fried",),
-    "tidy": ("tidied",),
-    "dry": ("dried",),
-    "tumble-dry": ("tumble-dried",),
-    "carry": ("carried",),
-    "ferry": ("ferried",),
-}
-
-_DOUBLING = frozenset({"bin", "drop", "flip", "grab", "pop", "scrub", "swap", "transfer"})
-
-_PHRASE_VERBS: Mapping[str, str] = {
-    "MOVE": "find a place for|find a spot for|find a home for|find room for|make room for|make space for|"
-    "find space for|find somewhere for|put away|throw away|throw out|clear away|tidy up|tidy away|clear up|"
-    "find a good place for|find a good spot for|drop off|set down|put down|put back|leave behind|hang up",
-    "GET": "what i need is|what we need is|what i want is|what we want is|what i'd like is|the plan is to have|"
-    "the idea is to have|the aim is to have|the goal is to have|round up|pick up|track down|hunt down|look for|"
-    "search for|dig out|let me have|let us have|it would be nice to have|"
-    "it'd be nice to have|it would be good to have|it would be great to have|it would be lovely to have|go get|"
-    "go and get|go fetch|take hold of|get hold of|lay hands on|fish out|can i have|could i have|may i have|"
-    "can we have|could we have|could do with|how nice it would be to have|i wish i had",
-    "HEAT": "heat up|warm up|warm through|heat through",
-    "DRY": "tumble dry|dry off|dry out",
-    "WASH": "wash up|clean up",
-    "RUN": "power up|fire up|boot up|start up|crank up|switch on|turn on|power on",
-    "SWAP": "trade",
-}
 
 _WISHERS = ("i", "we")
 _WISHES = (
@@ -186,7 +113,8 @@ _PHRASES: Mapping[tuple[Kind, str], str] = {
     (Kind.AND, ""): "and|but|while|whereas|as well as|along with|together with|&|plus also|and likewise",
     (Kind.THEN, ""): "then|and then|afterwards|after that|next|finally|lastly|after which|when that's done|before|"
     "once that's done|after",
-    (Kind.ALSO, ""): "and also|moving on|there is more|there's more|also|plus|besides|as well|in addition|additionally|"
+    (Kind.ALSO, ""): "and also|moving on|there is more|there's more|also|plus|besides|as well|in addition|"
+    "additionally|"
     "too|furthermore|moreover|one more thing|"
     "one more job|"
     "while you're at it|on top of that|apart from that|what's more|likewise|oh|further|meanwhile|second|secondly|"
@@ -216,7 +144,9 @@ _PHRASES: Mapping[tuple[Kind, str], str] = {
     (Kind.CYCLE, "DRY"): "a dry|a drying cycle|a tumble|a tumble dry",
     (Kind.CYCLE, "TURN"): "a turn|a spin|a cycle|a run|a go|the cycle|a programme|a program|its cycle",
     (Kind.DOOR, ""): "door|doors|lid|drawer|the door|a door|its door|the doors|any door|the lid",
-    (Kind.FILLER, ""): "the following needs doing|the following needs to be done|this needs doing|"
+    (Kind.FILLER, ""): "until it is dry|until they are dry|until it's dry|until they're dry|until it is clean|"
+    "until they are clean|until it's clean|until they're clean|until it is hot|until it's hot|"
+    "the following needs doing|the following needs to be done|this needs doing|"
     "these need doing|these things need doing|"
     "take care of the following|see to the following|please do the following|not to forget|lest i forget|what else|"
     "what comes next|at some point|at some stage|at your leisure|at your convenience|next up|aside from that|"
@@ -260,31 +190,6 @@ _PHRASES: Mapping[tuple[Kind, str], str] = {
 }
 
 
-@cache
-def verb_forms(verb: str) -> tuple[str, ...]:
-    """Return a verb's forms: base, third person, past and -ing."""
-    stem = verb + verb[-1] if verb in _DOUBLING else verb
-    dropped = verb[:-1] if verb.endswith("e") else stem
-    sibilant = verb.endswith(("s", "sh", "ch", "x", "z"))
-    third, past = verb + ("es" if sibilant else "s"), dropped + "ed"
-    if verb.endswith("y") and verb[-2] not in "aeiou":
-        third, past = verb[:-1] + "ies", verb[:-1] + "ied"
-    return tuple(dict.fromkeys((verb, third, past, dropped + "ing", *_IRREGULAR.get(verb, ()))))
-
-
-def _verbs() -> Iterator[tuple[str, str]]:
-    for meaning, verbs in _VERBS.items():
-        for verb in verbs.split():
-            for form in verb_forms(verb):
-                yield form, meaning
-    for meaning, phrases in _PHRASE_VERBS.items():
-        for phrase in phrases.split("|"):
-            first, _, rest = phrase.partition(" ")
-            forms = verb_forms(first) if " " in phrase and "'" not in first and len(first) > 2 else (first,)
-            for form in forms:
-                yield f"{form} {rest}".strip(), meaning
-
-
 def _orders() -> Iterator[str]:
     """Yield `someone should`, `somebody has to`, ...: who is told is the robot in any case."""
     for who in ("someone", "somebody"):
@@ -305,7 +210,7 @@ def _wishes() -> Iterator[str]:
 def closed_words() -> Mapping[tuple[str, ...], tuple[Kind, str]]:
     """Return every closed-class phrase, as its words, with what it does."""
     table: dict[tuple[str, ...], tuple[Kind, str]] = {}
-    for phrase, meaning in _verbs():
+    for phrase, meaning in verb_phrases():
         table[tuple(phrase.split())] = (Kind.VERB, meaning)
     for phrase in _orders():
         table[tuple(phrase.split())] = (Kind.FILLER, "")
