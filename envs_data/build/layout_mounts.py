@@ -121,9 +121,7 @@ def hang_ceiling(layout: RoomLayout, pieces: Sequence[Piece]) -> None:
         if piece.key not in poses_of:
             every = floor_poses(layout, piece)
             count = len(every.x) // 4
-            poses = Poses(
-                every.x[:count], every.y[:count], every.yaw[:count], every.rects[:count], every.back[:count]
-            )
+            poses = Poses(every.x[:count], every.y[:count], every.yaw[:count], every.rects[:count], every.back[:count])
             poses_of[piece.key] = (poses, _covered(layout, poses))
         poses, ok = poses_of[piece.key]
         if away is None:
