@@ -1,4 +1,4 @@
-"""Local GGUF models through llama.cpp (`gguf:PATH`; PyPI package xllamacpp, no compiler needed).
+"""Local GGUF models through llama.cpp (`gguf:PATH[?constrained]`; PyPI package xllamacpp, no compiler needed).
 
 Slots run in parallel, and the prefix that prompts share is kept between calls. Decoding is greedy by default.
 """
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt
+from gavel_agents.llm.grammar import plan_gbnf
 from gavel_env.errors import DataError
 
 __all__ = ["GgufModel"]
@@ -28,7 +29,7 @@ class GgufModel:
         """Load the model.
 
         Args:
-            path: the GGUF file.
+            path: the GGUF file; with `?constrained` behind it, answers are held to the grammar of plans.
             max_tokens: new tokens at most; a plan of 17 steps takes about 140.
             temperature: 0 = greedy.
             seed: of the sampler, when the temperature is not 0.
@@ -37,6 +38,7 @@ class GgufModel:
             DataError: there is no such file.
             BadPlannerSpec: the package xllamacpp is not installed.
         """
+        path, constrained, _ = path.partition("?constrained")
         if not Path(path).is_file():
             raise DataError(f"no GGUF model at {path}")
         try:
@@ -48,7 +50,9 @@ class GgufModel:
             "max_tokens": max_tokens,
             "temperature": temperature,
             "seed": seed,
+            **({"constrained": 1} if constrained else {}),
         }
+        self._grammar = {"grammar": plan_gbnf()} if constrained else {}
         parameters: Any = xllamacpp.CommonParams()
         parameters.model.path = path
         parameters.n_ctx = _SLOTS * _TOKENS_PER_SLOT
@@ -66,7 +70,8 @@ class GgufModel:
         request = {
             "messages": [{"role": m.role, "content": m.content} for m in prompt.messages],
             "cache_prompt": True,
-            **self.decoding,
+            **{name: value for name, value in self.decoding.items() if name != "constrained"},
+            **self._grammar,
         }
         answer = self._server.handle_chat_completions(request)
         if isinstance(answer, str | bytes):

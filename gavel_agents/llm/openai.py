@@ -1,4 +1,4 @@
-"""OpenAI-compatible servers (`openai:MODEL[@BASE_URL]`): vLLM, llama.cpp, transformers serve, hosted services."""
+"""OpenAI-compatible servers (`openai:MODEL[@BASE_URL][?constrained]`): vLLM, llama.cpp, hosted services."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt
+from gavel_agents.llm.grammar import plan_schema
 from gavel_agents.llm.hosted import MalformedAnswer, Retries, complete_all, endpoint_of, key_of, retried
 
 __all__ = ["OpenAIModel"]
@@ -33,7 +34,8 @@ class OpenAIModel:
         """Prepare a client; nothing is sent before the first prompt.
 
         Args:
-            argument: `MODEL` or `MODEL@BASE_URL`; the key is that of the environment variable OPENAI_API_KEY.
+            argument: `MODEL` or `MODEL@BASE_URL`; the key is that of the environment variable OPENAI_API_KEY. With
+                `?constrained` behind it, answers are held to the JSON schema of plans.
             max_tokens: new tokens at most.
             retries: how often and how patiently requests are made again.
             sleep: replaced in tests.
@@ -41,7 +43,8 @@ class OpenAIModel:
         Raises:
             BadPlannerSpec: no model, no key, or the package openai is not installed.
         """
-        endpoint = endpoint_of(argument, "openai")
+        bare = argument.removesuffix("?constrained")
+        endpoint = endpoint_of(bare, "openai")
         key = key_of(_KEY, endpoint, "openai")
         try:
             import openai
@@ -54,6 +57,12 @@ class OpenAIModel:
         decoding: dict[str, str | float | int] = {limit: max_tokens}
         if endpoint.base_url or not _REASONING.match(endpoint.model):
             decoding["temperature"] = 0.0
+        self._format: dict[str, Any] = {}
+        if bare != argument:
+            decoding["constrained"] = 1
+            schema = {"name": "plans", "schema": plan_schema()}
+            self._format = {"response_format": {"type": "json_schema", "json_schema": schema}}
+        self._sent = {name: value for name, value in decoding.items() if name != "constrained"}
         self.decoding: Mapping[str, str | float | int] = decoding
         self._sdk, self._endpoint, self._sleep = openai, endpoint, sleep
         self._retries = retries or Retries()
@@ -88,7 +97,7 @@ class OpenAIModel:
     def _request(self, prompt: Prompt) -> Completion:
         start = time.perf_counter()
         messages = [{"role": m.role, "content": m.content} for m in prompt.messages]
-        answer = self._create(model=self._endpoint.model, messages=messages, **self.decoding)
+        answer = self._create(model=self._endpoint.model, messages=messages, **self._sent, **self._format)
         choices = getattr(answer, "choices", None)
         message = getattr(choices[0], "message", None) if isinstance(choices, list) and choices else None
         text = getattr(message, "content", None)

@@ -1,0 +1,72 @@
+"""The one grammar of plans, for backends that can constrain what a model writes: GBNF (llama.cpp) and JSON schema.
+
+A constrained model can still plan badly, but not write what is no plan: no prose, no verb that is not there, no loop
+beyond `MOST_STEPS`. Constrained runs say so in their decoding, since they are not comparable with free ones.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from gavel_env.actions import Primitive
+
+__all__ = ["MOST_STEPS", "MOST_TASKS", "plan_gbnf", "plan_schema", "step_pattern"]
+
+MOST_STEPS = 40
+MOST_TASKS = 9
+_NAME = r"[a-z][a-z0-9_]*(@[a-z][a-z0-9_]*)?"
+
+
+def plan_gbnf(names: Sequence[str] | None = None) -> str:
+    """Return the grammar of `Task 1:` followed by lines `VERB object`, as llama.cpp reads it.
+
+    Args:
+        names: objects that may be named; default any name.
+    """
+    verbs = " | ".join(json.dumps(p.name) for p in Primitive if p.takes_target)
+    bare = " | ".join(json.dumps(p.name) for p in Primitive if not p.takes_target)
+    if names is None:
+        name = 'word ("@" word)?\nword ::= [a-z] [a-z0-9_]*'
+    else:
+        name = " | ".join(json.dumps(n) for n in dict.fromkeys(names))
+    return (
+        f'root ::= task ("\\n" task){{0,{MOST_TASKS - 1}}}\n'
+        f'task ::= "Task " [1-{MOST_TASKS}] ":" ("\\n" step){{1,{MOST_STEPS}}}\n'
+        f'step ::= {bare} | verb " " name\n'
+        f"verb ::= {verbs}\n"
+        f"name ::= {name}\n"
+    )
+
+
+def step_pattern(names: Sequence[str] | None = None) -> str:
+    """Return the regular expression of one step, for JSON schemas: no look-around, only escaped literals."""
+    verbs = "|".join(p.name for p in Primitive if p.takes_target)
+    bare = "|".join(p.name for p in Primitive if not p.takes_target)
+    name = _NAME if names is None else f"({'|'.join(dict.fromkeys(names))})"
+    return f"^({bare}|({verbs}) {name})$"
+
+
+def plan_schema(names: Sequence[str] | None = None) -> dict[str, Any]:
+    """Return the JSON schema of the same plans: `{"tasks": [{"task": 1, "plan": ["GRASP apple", …]}]}`.
+
+    Args:
+        names: objects that may be named; default any name.
+    """
+    step = {"type": "string", "pattern": step_pattern(names)}
+    task = {
+        "type": "object",
+        "properties": {
+            "task": {"type": "integer", "minimum": 1, "maximum": MOST_TASKS},
+            "plan": {"type": "array", "items": step, "minItems": 1, "maxItems": MOST_STEPS},
+        },
+        "required": ["task", "plan"],
+        "additionalProperties": False,
+    }
+    return {
+        "type": "object",
+        "properties": {"tasks": {"type": "array", "items": task, "minItems": 1, "maxItems": MOST_TASKS}},
+        "required": ["tasks"],
+        "additionalProperties": False,
+    }
