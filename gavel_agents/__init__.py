@@ -46,8 +46,8 @@ def make(name: str, **options: Any) -> Agent:
     Args:
         name: one of `agent_names()`, or `gavel` for `gavel-full`.
         options: for the built-in methods: `understanding` (an `Understanding`), `model` (a `ChatModel`), `prior`
-            ("choice", "rsn", "uniform" or a `Prior`), `profile` (a rules `Profile`). Agents take what they need
-            and must ignore what they don't.
+            ("choice", "rsn", "uniform" or a `Prior`), `profile` (a rules `Profile`), `on_surprise` ("stop" or "next").
+            Agents take what they need and must ignore what they don't.
 
     Raises:
         UnknownAgent: with the nearest names.
@@ -94,6 +94,7 @@ def _planning_agent(name: str, **options: Any) -> Agent:
         prior=load_prior(prior) if isinstance(prior, str) else prior,
         profile=options.get("profile", Profile.PAPER),
         ontology=options.get("ontology"),
+        on_surprise=options.get("on_surprise", "stop"),
     )
 
 

@@ -21,11 +21,30 @@ class Binder:
     """Remembers which instance every designator stands for.
 
     Attributes:
-        bound: designator node -> instance id; what is bound stays bound.
+        bound: designator node -> instance id; what is bound stays bound, unless it is rejected.
+        rejected: instances that turned out not to be what a designator meant.
     """
 
     def __init__(self) -> None:
         self.bound: dict[str, str] = {}
+        self.rejected: set[str] = set()
+
+    def missing(self, action: Action, believed: SceneGraph, observed: Observed) -> str | None:
+        """Return the bound piece in which what is to be grasped was expected and is not, or None."""
+        node = action.target
+        if action.primitive is not Primitive.GRASP or node is None:
+            return None
+        if node not in believed.world.nodes or node in self.bound:
+            return None
+        if self._choose(node, believed, observed, near_first=True) is not None:
+            return None
+        return next((holder for _, holder in believed.holders(node) if holder in self.bound), None)
+
+    def reject(self, node: str) -> str:
+        """Unbind a node whose instance was not the one that was meant; return that instance."""
+        instance = self.bound.pop(node)
+        self.rejected.add(instance)
+        return instance
 
     def send(
         self, action: Action, believed: SceneGraph, observed: Observed, priors: Mapping[str, Mapping[str, float]]
@@ -67,7 +86,7 @@ class Binder:
     ) -> EnvAction:
         """Return the search for a node; one named by its id is searched by category, without those seen already."""
         if not _names_an_instance(node, believed):
-            return EnvAction(Primitive.NAVIGATE_TO, node, prior)
+            return EnvAction(Primitive.NAVIGATE_TO, node, prior, tuple(sorted(self.rejected)))
         category = believed.category(node).name
         seen = observed.graph.world.by_category.get(category, ())
         return EnvAction(Primitive.NAVIGATE_TO, category, prior, seen)
@@ -113,9 +132,10 @@ class Binder:
             if self._fits(node, instance, believed, observed):
                 yield instance
 
-    @staticmethod
-    def _fits(node: str, instance: str, believed: SceneGraph, observed: Observed) -> bool:
+    def _fits(self, node: str, instance: str, believed: SceneGraph, observed: Observed) -> bool:
         wanted = believed.world.nodes[node]
+        if instance in self.rejected:
+            return False
         if _names_an_instance(node, believed):
             return instance == node
         if observed.graph.category(instance).name != wanted.category.name:

@@ -7,7 +7,7 @@ designators to what is observed -> update the belief -> order again.
 from __future__ import annotations
 
 from collections import deque
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -24,7 +24,7 @@ from gavel_agents.ordering import expected_costs, orderings
 from gavel_agents.proposals import Planned, Problem, edited_plans, proposed_plans
 from gavel_agents.understanding import TaskUnderstanding, Understanding
 from gavel_agents.validation import Plan, validate
-from gavel_env.actions import Action
+from gavel_env.actions import Action, Primitive
 from gavel_env.dynamics import Profile, apply, first_violation
 from gavel_env.goals import Goal
 from gavel_env.graph import Relation, SceneGraph, Support
@@ -49,6 +49,7 @@ class PlanningAgent:
         prior: Prior,
         profile: Profile = Profile.PAPER,
         ontology: Ontology | None = None,
+        on_surprise: Literal["stop", "next"] = "stop",
     ) -> None:
         """Configure the pipeline.
 
@@ -60,6 +61,8 @@ class PlanningAgent:
             prior: where objects of a category usually are.
             profile: rules profile of the environment.
             ontology: affordances (default: the shipped ones).
+            on_surprise: what to do when something is not in the piece where it was said to be: "stop" (the benchmarks'
+                sources are unique), or close that piece and try the "next" one that fits.
         """
         self.name = name
         self.config = config
@@ -68,6 +71,7 @@ class PlanningAgent:
         self._model = model
         self._prior = prior
         self._profile = profile
+        self._on_surprise = on_surprise
         self._ontology = ontology or default_ontology()
         self._travel: TravelModel | None = None
 
@@ -146,7 +150,25 @@ class PlanningAgent:
             self.trace.order.append(task)
             self._running.extend(self._planned.plans[task])
         self._sent = self._running.popleft()
+        if self._on_surprise == "next":
+            empty = self._binder.missing(self._sent, self._graph, observed)
+            if empty is not None:
+                return self._try_next(empty)
         return self._binder.send(self._sent, self._graph, observed, self._belief.priors())
+
+    def _try_next(self, holder: str) -> EnvAction:
+        """Leave a piece that does not hold what was said, and plan to try the next one that fits."""
+        assert self._sent is not None
+        steps = [Action(Primitive.NAVIGATE_TO, holder)]
+        if self._graph.category(holder).has_door:
+            steps.append(Action(Primitive.OPEN, holder))
+        self._running.extendleft(reversed([*steps, self._sent]))
+        wrong = self._binder.reject(holder)
+        if not self._graph.category(holder).has_door:
+            self._sent = self._running.popleft()
+            return EnvAction(Primitive.NAVIGATE_TO, holder, self._belief.priors().get(holder), (wrong,))
+        self._sent = Action(Primitive.CLOSE, wrong)
+        return EnvAction.of(self._sent)
 
     def _take_in(self, action: Action, observed: Observed) -> bool:
         """Advance the believed graph by f(G, a), bind what was reached, and update B <- Upsilon(B, a, z).
