@@ -61,6 +61,10 @@ class HfModel:
                 import peft
 
                 model = peft.PeftModel.from_pretrained(model, options["adapter"])
+        except ImportError as error:
+            raise BadPlannerSpec(
+                f"planner hf:{argument} needs a package: {' '.join(str(error).split())[:200]}"
+            ) from error
         except (OSError, ValueError) as error:
             raise ModelError(f"hf:{source} cannot be loaded: {' '.join(str(error).split())[:300]}") from error
         if not tokenizer.chat_template:

@@ -189,7 +189,7 @@ def _without_small_talk(tokens: list[Token], sentence: str, first: bool) -> list
         return tokens
     colon = next((i for i, t in enumerate(tokens) if t.kind is Kind.STOP and t.value == ":"), None)
     remark = tokens[:colon] if colon is not None else tokens
-    if any(t.kind in _NAMES for t in remark) or (colon is None and not first):
+    if any(t.kind in (*_NAMES, Kind.NOT) for t in remark) or (colon is None and not first):
         return tokens
     return tokens[colon + 1 :] if colon is not None else []
 
