@@ -33,17 +33,13 @@ def default_agents(planners: Sequence[str]) -> tuple[str, ...]:
 
 
 def default_planners(kinds: Sequence[str]) -> tuple[str, ...]:
-    """Return, for each kind of instructions, a shipped recording of a real model if there is one, and reference plans.
+    """Return, for each kind of instructions, a shipped recording of a real model if there is one, else reference plans.
 
     With reference plans in a model's place (no model at all) only what comes after the plan is compared: belief, search
     and order.
     """
     recorded = shipped_recordings()
-    planners: list[str] = []
-    for kind in kinds:
-        planners += [f"{kind}=replay:{kind}"] if kind in recorded else []
-        planners.append(f"{kind}=reference:{kind}")
-    return tuple(planners)
+    return tuple(f"{kind}=replay:{kind}" if kind in recorded else f"{kind}=reference:{kind}" for kind in kinds)
 
 
 def compared_by_default(contestant: Contestant) -> bool:

@@ -266,7 +266,7 @@ def test_a_planner_can_be_for_one_kind() -> None:
 
 
 def test_without_a_planner_recordings_serve_or_reference_plans_where_only_order_is_compared() -> None:
-    assert default_planners(("no such kind",)) == ("no such kind=reference:no such kind",)
+    assert default_planners(("single", "multi")) == ("single=replay:single", "multi=reference:multi")
     agents = ["llm-only", "gavel-basic", "gavel-map", "epog", "oracle"]
     chosen = choose(agents, SETTINGS, planners=["multi=reference:multi", "single=replay:single"])
     kept = [(c.agent, c.planner) for c in filter(compared_by_default, chosen)]
