@@ -21,7 +21,7 @@ __all__ = ["check_manifest", "compute", "main", "read_manifest"]
 FORMAT = "gavel-manifest/1"
 ROOT = Path(__file__).resolve().parent.parent
 NAME = "MANIFEST.json"
-SUFFIXES = (".json", ".jsonl", ".csv", ".npz")
+SUFFIXES = (".json", ".jsonl", ".gz")
 
 
 class _Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
