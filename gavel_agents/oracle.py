@@ -5,10 +5,11 @@ The oracle alone is privileged: `reveal` takes the environment's one privileged 
 
 from __future__ import annotations
 
+import copy
 import itertools
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,27 +24,40 @@ from gavel_env.observed import EnvAction
 __all__ = ["OracleAgent"]
 
 
+class _Situation(NamedTuple):
+    """A simulated state: the graph, the robot's cell, and where things lie on the floor."""
+
+    graph: SceneGraph
+    cell: int
+    spots: Mapping[str, int]
+
+
 class _Driven:
     """Where a simulated robot is after driving some reference plans."""
 
     def __init__(self, state: Privileged) -> None:
         self._state = state
+        self._places = copy.copy(state.executor.places)
         self._metres: dict[tuple[int, tuple[int, ...]], tuple[float, int]] = {}
 
-    def follow(self, plan: Sequence[Action], graph: SceneGraph, cell: int) -> tuple[float, SceneGraph, int] | None:
-        """Return metres, graph and cell after a plan, or None if it is refused."""
+    def follow(self, plan: Sequence[Action], start: _Situation) -> tuple[float, _Situation] | None:
+        """Return the metres and the situation after a plan, or None if it is refused."""
         metres = 0.0
+        graph, cell, spots = start
         for action in plan:
             if first_violation(graph, action, self._state.executor.profile) is not None:
                 return None
             if action.primitive is Primitive.NAVIGATE_TO and action.target is not None:
+                self._places.spots = dict(spots)
                 driven, cell = self._leg(graph, action.target, cell)
                 metres += driven
+            elif action.primitive is Primitive.RELEASE and graph.holding is not None:
+                spots = {**spots, graph.holding: cell}
             graph = apply(graph, action)
-        return metres, graph, cell
+        return metres, _Situation(graph, cell, spots)
 
     def _leg(self, graph: SceneGraph, target: str, cell: int) -> tuple[float, int]:
-        stances = self._state.executor.places.stances(graph, target, cell)
+        stances = self._places.stances(graph, target, cell)
         key = (cell, tuple(stances.tolist()))
         if key not in self._metres:
             route = self._state.floor.route(cell, stances)
@@ -105,18 +119,18 @@ def _cheapest(state: Privileged, plans: Sequence[Sequence[Action]]) -> tuple[int
         return written
     best: tuple[float, tuple[int, ...]] = (float("inf"), written)
 
-    def grow(order: tuple[int, ...], metres: float, graph: SceneGraph, cell: int) -> None:
+    def grow(order: tuple[int, ...], metres: float, situation: _Situation) -> None:
         nonlocal best
         if metres >= best[0] - 1e-9:
             return
         if len(order) == len(plans):
-            if not unmet(goal, graph):
+            if not unmet(goal, situation.graph):
                 best = (metres, order)
             return
         for index in itertools.filterfalse(order.__contains__, written):
-            after = driven.follow(plans[index], graph, cell)
+            after = driven.follow(plans[index], situation)
             if after is not None:
-                grow((*order, index), metres + after[0], after[1], after[2])
+                grow((*order, index), metres + after[0], after[1])
 
-    grow((), 0.0, state.graph, state.cell)
+    grow((), 0.0, _Situation(state.graph, state.cell, state.executor.places.spots))
     return best[1]

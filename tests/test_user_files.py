@@ -117,3 +117,26 @@ def test_bad_records_are_named_and_counted_and_the_others_run(
     for reason in ("did you mean 'Rs_int'", "'carton_of_milk'", "the goal holds at the start", "mine.jsonl:4"):
         assert reason in together
     assert "20.0" in together
+
+
+def test_the_oracle_orders_tasks_that_drop_something_and_come_back_to_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    there = ["NAVIGATE_TO(apple_0)", "GRASP(apple_0)", "NAVIGATE_TO(bed_0)", "RELEASE", "NAVIGATE_TO(sofa_0)"]
+    back = ["NAVIGATE_TO(apple_0)", "GRASP(apple_0)", "NAVIGATE_TO(sofa_0)", "PLACE_ON_TOP(sofa_0)"]
+    hat = ["NAVIGATE_TO(hat_0)", "GRASP(hat_0)", "NAVIGATE_TO(bed_0)", "PLACE_ON_TOP(bed_0)"]
+    record = {
+        "id": "drop",
+        "scene": "Rs_int",
+        "text": "Put the apple on the sofa and the hat on the bed.",
+        "placements": [
+            {"category": "apple", "relation": "on", "target": "coffee_table"},
+            {"category": "hat", "relation": "floor", "target": "living_room"},
+        ],
+        "tasks": [
+            {"text": "a", "goal": ["on_top(apple, sofa)"], "reference_plan": [*there, *back]},
+            {"text": "b", "goal": ["on_top(hat, bed)"], "reference_plan": hat},
+        ],
+    }
+    outcomes, _ = evaluated(tmp_path, [record], {}, capsys, "oracle")
+    assert outcomes["oracle"] == {"drop": "success"}
