@@ -66,6 +66,7 @@ pictures: $(VENV)/.installed-core
 	@$(BIN)/gavel scenes show Rs_int --png docs/images/Rs_int.png --pixels-per-m 100
 	@$(BIN)/gavel scenes show Wainscott_0_int --png docs/images/Wainscott_0_int.png
 	@$(BIN)/gavel scenes show office_large --png docs/images/office_large.png
+	@$(BIN)/gavel tasks show multi-Beechwood_0_int-03 --png docs/images/errands.png --pixels-per-m 72 > /dev/null
 
 wheel: $(VENV)/.installed-dev
 	@$(BIN)/python -m pip wheel --disable-pip-version-check --no-deps --wheel-dir dist .

@@ -36,6 +36,7 @@ def register(subparsers: Any) -> None:
     show.add_argument("id", help="id of the instruction")
     show.add_argument("sets", nargs="*", metavar="SET", help=files)
     show.add_argument("--png", type=Path, metavar="FILE", help="draw the house with the reference route")
+    show.add_argument("--pixels-per-m", type=float, metavar="N", help="scale of the picture")
     show.set_defaults(run=_show)
 
     validate = family.add_parser("validate", help="re-check certificates; exit status 1 if one does not hold")
@@ -151,11 +152,11 @@ def _show(arguments: argparse.Namespace) -> int:
         print(f"\n{task.text}\n  goal: {', '.join((*task.goal, *map(str, task.conditions)))}")
         print("\n".join(f"  {step:2d} {action}" for step, action in enumerate(task.reference_plan)))
     if arguments.png is not None:
-        _draw(record, arguments.png)
+        _draw(record, arguments.png, arguments.pixels_per_m)
     return 0
 
 
-def _draw(record: Instruction, path: Path) -> None:
+def _draw(record: Instruction, path: Path, pixels_per_m: float | None) -> None:
     from gavel_env.grounding import instruction_graph
     from gavel_env.render import EpisodeView, Marker, ScenePicture, draw_episode_frame, save_png
     from gavel_env.scenes import load_scene
@@ -166,7 +167,7 @@ def _draw(record: Instruction, path: Path) -> None:
     markers = tuple(Marker(x, y, name) for name, (x, y) in driven.starts.items())
     caption = f"{len(record.reference_plan())} primitives, {driven.metres:.1f} m"
     view = EpisodeView(trail=driven.route(), markers=markers, caption=(record.text, caption))
-    save_png(draw_episode_frame(ScenePicture(scene, caption_lines=5), view), path)
+    save_png(draw_episode_frame(ScenePicture(scene, pixels_per_m=pixels_per_m, caption_lines=5), view), path)
     print(f"\n{path}: {caption}")
 
 
