@@ -115,7 +115,7 @@ def _fit_layers(contents: Contents, scenes: Sequence[str], categories: Sequence[
             logit = network(phi)
             loss = -(inside * logsigmoid(logit) + outside * logsigmoid(-logit)).sum()
             optimiser.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]
+            torch.autograd.backward(loss)
             optimiser.step()
     return tuple((_array(m.weight), _array(m.bias)) for m in network if isinstance(m, nn.Linear))
 
