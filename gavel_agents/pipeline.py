@@ -200,15 +200,15 @@ class PlanningAgent:
             assert self._travel is not None
             costs = expected_costs(self._travel, plans, self._place(observed), beliefs, cells)
             goal = _union([self._tasks[i] for i in tasks])
-            cheapest: tuple[int, ...] | None = None
-            for order in orderings(costs):
-                cheapest = cheapest or order
+
+            def passes(order: tuple[int, ...]) -> bool:
                 joined: Plan = tuple(action for j in order for action in plans[j])
-                if validate(self._graph, joined, goal, profile=self._profile).valid:
-                    break
-            else:
-                assert cheapest is not None
-                order = cheapest
+                return validate(self._graph, joined, goal, profile=self._profile).valid
+
+            cheapest = next(orderings(costs))
+            # A plan that is invalid alone is invalid in every order: then nothing is to be gained by trying them.
+            sound = all(self._planned.verdicts[i].valid for i in tasks)
+            order = next(filter(passes, orderings(costs)), cheapest) if sound else cheapest
             if self.trace.expected_m is None:
                 self.trace.expected_m = costs.ordering_cost(order)
             return [tasks[j] for j in order]
