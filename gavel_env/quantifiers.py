@@ -13,7 +13,7 @@ of each domain as the smaller one has are in some pair.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 import msgspec
 
@@ -66,14 +66,26 @@ class Asked(NamedTuple):
     domains: Domains
 
 
+class _Evaluated(Protocol):
+    """What every kind of condition brings itself."""
+
+    def value(self, graph: SceneGraph, bound: Bound) -> bool:
+        """Return the truth value under a binding of the variables."""
+        ...
+
+    def asked(self, positive: bool = True, domains: Domains | None = None) -> Iterator[Asked]:
+        """Yield every atom with its polarity and the domains around it."""
+        ...
+
+
 class _Condition(msgspec.Struct, frozen=True, tag_field="is", forbid_unknown_fields=True):
     """What all conditions share; implements `goals.Condition`."""
 
-    def holds(self, graph: SceneGraph) -> bool:
+    def holds(self: _Evaluated, graph: SceneGraph) -> bool:
         """Return whether the condition holds in `graph`."""
         return self.value(graph, {})
 
-    def wants(self, flag: Flag, obj: str, graph: SceneGraph) -> bool:
+    def wants(self: _Evaluated, flag: Flag, obj: str, graph: SceneGraph) -> bool:
         """Return whether the condition somewhere asks for `flag` on `obj`."""
         for atom, positive, domains in self.asked():
             if positive and atom.predicate == flag.name.lower():
@@ -81,14 +93,6 @@ class _Condition(msgspec.Struct, frozen=True, tag_field="is", forbid_unknown_fie
                 if any(obj in fitting(graph, Designator.parse(member)) for member in members):
                     return True
         return False
-
-    def value(self, graph: SceneGraph, bound: Bound) -> bool:
-        """Return the truth value under a binding of the variables."""
-        raise NotImplementedError
-
-    def asked(self, positive: bool = True, domains: Domains | None = None) -> Iterator[Asked]:
-        """Yield every atom with its polarity and the domains around it."""
-        raise NotImplementedError
 
 
 class Atom(_Condition, frozen=True, tag="atom"):
