@@ -6,9 +6,10 @@ import csv
 import io
 from collections.abc import Callable, Mapping, Sequence
 
+from eval.costs import in_order
 from eval.layout import CHOICES, Grid, grids
 from eval.statistics import Estimate
-from eval.tables import Results
+from eval.tables import Results, Row
 
 __all__ = ["FORMATS", "render", "to_csv"]
 
@@ -84,10 +85,17 @@ def _latex(tables: Sequence[Grid], _: Results) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def to_csv(results: Results) -> str:
-    """Return one line per row of every table, numbers in full precision, empty where undefined."""
+def to_csv(results: Results, *, costs: bool = False) -> str:
+    """Return one line per row of every table, numbers in full precision, empty where undefined.
+
+    Args:
+        results: of record files.
+        costs: add tokens and seconds by stage.
+    """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
+    stages = in_order(name for s in results.sections for r in s.rows for name in r.costs.seconds) if costs else ()
+    spent = ("prompt_tokens", "completion_tokens", *(f"{name}_s" for name in stages)) if costs else ()
     measures = ("success_pct", "metres", "matched_metres", "planning_s", "attempts")
     writer.writerow(
         [
@@ -105,6 +113,7 @@ def to_csv(results: Results) -> str:
         ]
         + [f"{name}{part}" for name in measures for part in ("", "_pm", "_low", "_high")]
         + ["matched_episodes", "times_oracle"]
+        + [f"{name}{part}" for name in spent for part in ("", "_pm")]
     )
     for section in results.sections:
         bench = section.benchmark
@@ -117,6 +126,7 @@ def to_csv(results: Results) -> str:
                 + [getattr(who, choice) for choice in CHOICES]
                 + [who.config, " ".join(map(str, section.seeds)), row.scheduled, row.recorded, *numbers]
                 + [section.matched if index in section.compared else "", _blank(row.regret)]
+                + ([_blank(part) for value in _spent(row, stages) for part in _parts(value)[:2]] if costs else [])
             )
     return stream.getvalue()
 
@@ -125,6 +135,11 @@ def _parts(value: Estimate | None) -> tuple[float | None, ...]:
     if value is None:
         return (None, None, None, None)
     return (value.mean, value.spread, *(value.interval or (None, None)))
+
+
+def _spent(row: Row, stages: Sequence[str]) -> list[Estimate | None]:
+    spent = row.costs
+    return [spent.prompt_tokens, spent.completion_tokens, *(spent.seconds.get(name) for name in stages)]
 
 
 def _blank(value: float | None) -> str:
@@ -140,6 +155,8 @@ FORMATS: Mapping[str, Callable[[Sequence[Grid], Results], str]] = {
 """Format name -> function from the tables and results to text."""
 
 
-def render(results: Results, form: str = "terminal", *, failures: bool = False) -> str:
-    """Return the tables of some results in a format of `FORMATS`."""
-    return FORMATS[form](grids(results, failures=failures), results)
+def render(results: Results, form: str = "terminal", *, failures: bool = False, costs: bool = False) -> str:
+    """Return the tables of some results in a format of `FORMATS`; CSV has no failure classes."""
+    if form == "csv":
+        return to_csv(results, costs=costs)
+    return FORMATS[form](grids(results, failures=failures, costs=costs), results)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import PurePath
 from typing import NamedTuple
 
+from eval.costs import in_order
 from eval.statistics import Estimate
 from eval.tables import Results, Row, Section
 
@@ -74,14 +76,17 @@ _COLUMNS = (
     _Column("Attempts", lambda row: _number(row.attempts, 2)),
     _Column("N", _episodes),
 )
+_STAGES = {"understand": "Understanding (s)", "plan": "Planner (s)", "repair": "Repair (s)", "order": "Ordering (s)"}
 CHOICES = ("planner", "understanding", "prior")
 
 
-def grids(results: Results, *, failures: bool = False) -> tuple[Grid, ...]:
-    """Return one table per section, and with `failures` one of failure classes per section."""
+def grids(results: Results, *, failures: bool = False, costs: bool = False) -> tuple[Grid, ...]:
+    """Return one table per section, with `costs` and `failures` followed by one of each for the section."""
     tables: list[Grid] = []
     for section in results.sections:
         tables.append(_main(section, results))
+        if costs and any(row.costs.episodes for row in section.rows):
+            tables.append(_costs(section))
         if failures:
             tables.append(_failures(section))
     if tables:
@@ -177,6 +182,48 @@ def _footer(results: Results) -> list[str]:
     ]
     notes += [f"Rejected and counted as not solved: {name}: {reason}" for name, reason in results.rejected]
     notes += [f"Not a record: {line}" for line in results.damaged]
+    return notes
+
+
+def _costs(section: Section) -> Grid:
+    header, labels = _labels(section)
+    columns = [
+        _Column("Calls", lambda row: _number(row.costs.calls, 2)),
+        _Column("Prompt tokens", lambda row: _number(row.costs.prompt_tokens, 0)),
+        _Column("New tokens", lambda row: _number(row.costs.completion_tokens, 0)),
+    ]
+    for name in in_order(name for row in section.rows for name in row.costs.seconds):
+        columns.append(_Column(_STAGES.get(name, f"{name} (s)"), partial(_stage_mean, name)))
+    columns.append(_Column("Planning (s)", lambda row: _seconds(row.costs.planning_s)))
+    columns.append(_Column("N", lambda row: str(row.costs.episodes)))
+    shown = [i for i, row in enumerate(section.rows) if row.costs.episodes]
+    return Grid(
+        title=f"{_name(section)}: what planning cost per instruction",
+        facts=(),
+        header=(*header, *(column.name for column in columns)),
+        labels=len(header),
+        rows=tuple((*labels[i], *(column.cell(section.rows[i]) for column in columns)) for i in shown),
+        notes=tuple(_cost_notes(section)),
+    )
+
+
+def _stage_mean(stage: str, row: Row) -> str:
+    """Return the mean alone: the spread of the whole says more than those of its parts, which CSV has."""
+    spent = row.costs.seconds.get(stage)
+    return UNDEFINED if spent is None else _seconds(spent).partition(" ")[0]
+
+
+def _cost_notes(section: Section) -> list[str]:
+    notes = [
+        "Means over the N recorded episodes that planned, solved or not; ±: standard deviation over episodes. Planning "
+        f"is the sum of the seconds before it. {UNDEFINED}: no such stage, or nothing that counts calls or tokens."
+    ]
+    kinds = {row.contestant.planner_kind for row in section.rows if row.costs.episodes}
+    if "replay" in kinds:
+        notes.append(
+            "Calls answered from a recording count the tokens and seconds of the model when it was recorded; every "
+            "other stage is as measured in this run."
+        )
     return notes
 
 

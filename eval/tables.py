@@ -10,9 +10,10 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
+from eval.costs import Costs, costs
 from eval.journal import RecordFile
 from eval.records import Benchmark, Contestant, EpisodeKey, EpisodeRecord
-from eval.statistics import Estimate, over_episodes, over_seeds, share_over_seeds
+from eval.statistics import Estimate, over_seeds, share_over_seeds
 from gavel_env.errors import UnknownAgent
 
 __all__ = ["Results", "Row", "Section", "results"]
@@ -32,6 +33,7 @@ class Row(NamedTuple):
         attempts: calls of the language model per episode; None without one.
         scheduled, recorded: episodes.
         failures: failure class -> episodes, scheduled ones without a record as `not run`.
+        costs: what planning took; of nothing for a privileged agent.
     """
 
     contestant: Contestant
@@ -44,6 +46,7 @@ class Row(NamedTuple):
     scheduled: int
     recorded: int
     failures: Mapping[str, int]
+    costs: Costs
 
 
 class Section(NamedTuple):
@@ -57,6 +60,7 @@ class Section(NamedTuple):
         rows: in the order in which contestants were first scheduled.
         compared: positions in `rows` of those whose metres are matched.
         matched: number of (instruction, seed) pairs that all compared contestants solved.
+        alike: whether all rows are over the same (instruction, seed) pairs.
     """
 
     benchmark: Benchmark
@@ -66,6 +70,7 @@ class Section(NamedTuple):
     rows: tuple[Row, ...]
     compared: tuple[int, ...]
     matched: int
+    alike: bool
 
 
 class Results(NamedTuple):
@@ -139,10 +144,9 @@ def _gather(files: RecordFile) -> list[_Scheduled]:
         for benchmark in header.benchmarks:
             scheduled = found.setdefault((benchmark.data, benchmark.kind), _Scheduled(benchmark))
             for one in header.contestants:
-                if not one.takes(benchmark.kind):
-                    continue
-                keys = [EpisodeKey(benchmark.data, one.config, i, s) for s in header.seeds for i in benchmark.scheduled]
-                scheduled.add(one, keys)
+                ids = benchmark.scheduled_for(one)
+                if ids:
+                    scheduled.add(one, [EpisodeKey(benchmark.data, one.config, i, s) for s in header.seeds for i in ids])
     for record in files.records.values():
         unknown = Benchmark(record.kind, "(no header)", "", record.data, ())
         found.setdefault((record.data, record.kind), _Scheduled(unknown)).add(record.contestant, [record.key])
@@ -188,6 +192,7 @@ def _section(
         rows=tuple(rows),
         compared=tuple(i for i, config in enumerate(scheduled.keys) if config in compared),
         matched=sum(map(len, common.values())),
+        alike=len({frozenset((key.instruction, key.seed) for key in keys) for keys in scheduled.keys.values()}) == 1,
     )
 
 
@@ -209,7 +214,7 @@ def _row(
 ) -> Row:
     mine = [records[key] for key in keys if key in records]
     trials = Counter(key.seed for key in keys)
-    planned = [record for record in mine if record.trace.seconds and not contestant.privileged]
+    spent = costs(() if contestant.privileged else mine, asks_model=bool(contestant.planner))
     failures = Counter(record.failure for record in mine if not record.success)
     if len(mine) < len(keys):
         failures["not run"] = len(keys) - len(mine)
@@ -219,9 +224,10 @@ def _row(
         metres=over_seeds([list(by_instruction.values()) for by_instruction in solved.values()]),
         matched=matched,
         regret=matched.mean / reference.mean if matched and reference and reference.mean else None,
-        planning_s=over_episodes([record.planning_s for record in planned]),
-        attempts=over_episodes([float(r.trace.attempts) for r in planned]) if contestant.planner else None,
+        planning_s=spent.planning_s,
+        attempts=spent.calls,
         scheduled=len(keys),
         recorded=len(mine),
         failures=dict(sorted(failures.items(), key=lambda item: (-item[1], item[0]))),
+        costs=spent,
     )

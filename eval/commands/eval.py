@@ -25,7 +25,7 @@ def register(subparsers: Any) -> None:
     parser = family_parser(subparsers, "eval")
     parser.description = (
         "Run agents over instructions, one record per episode, and print the results table. "
-        "Without arguments: every agent that runs without a language model, over the shipped instructions."
+        "Without arguments: the shipped instructions, planned by recordings of a real model and by the certified plans."
     )
     parser.usage = "%(prog)s [OPTIONS]\n       %(prog)s PART …"
     _add_options(parser)
@@ -73,6 +73,7 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     shown = parser.add_argument_group("what is shown")
     shown.add_argument("--format", choices=("terminal", "markdown", "csv", "latex"), default="terminal")
     shown.add_argument("--failures", action="store_true", help="also count the episodes of every failure class")
+    shown.add_argument("--costs", action="store_true", help="also calls, tokens and seconds by stage")
     shown.add_argument("--compare", type=_names, metavar="A,B", help="agents whose metres are matched")
     shown.add_argument("--quiet", action="store_true", help="no progress")
 
@@ -151,7 +152,7 @@ def _eval(arguments: argparse.Namespace) -> int:
             started=None if arguments.quiet else progress.started,
         )
     found = results(read_records([path]), arguments.compare)
-    sys.stdout.write(render(found, arguments.format, failures=arguments.failures))
+    sys.stdout.write(render(found, arguments.format, failures=arguments.failures, costs=arguments.costs))
     if not arguments.quiet:
         print(f"gavel eval: records in {path}", file=sys.stderr)
     return 0

@@ -20,6 +20,7 @@ def register(subparsers: Any) -> None:
     parser.add_argument("records", nargs="+", metavar="RECORDS", help="records.jsonl files, or folders with one")
     parser.add_argument("--format", choices=("terminal", "markdown", "csv", "latex"), default="terminal")
     parser.add_argument("--failures", action="store_true", help="also count the episodes of every failure class")
+    parser.add_argument("--costs", action="store_true", help="also calls, tokens and seconds by stage")
     parser.add_argument(
         "--compare", metavar="A,B", help="agents whose metres are matched (default: those that solved at least half)"
     )
@@ -34,7 +35,8 @@ def _tables(arguments: argparse.Namespace) -> int:
     from gavel_env.errors import DataError
 
     compare = arguments.compare.split(",") if arguments.compare else None
-    text = render(results(read_records(arguments.records), compare), arguments.format, failures=arguments.failures)
+    found = results(read_records(arguments.records), compare)
+    text = render(found, arguments.format, failures=arguments.failures, costs=arguments.costs)
     if arguments.output is None:
         sys.stdout.write(text)
         return 0
