@@ -10,7 +10,7 @@ from eval.records import Contestant
 from eval.rig import ENVIRONMENTS
 from eval.runner import contestant
 from gavel_agents.llm import BadPlannerSpec
-from gavel_agents.llm.replay import shipped_recordings
+from gavel_agents.llm.replay import ShippedRecording, shipped_recordings
 from gavel_agents.methods import METHODS
 from gavel_env.errors import UnknownAgent
 
@@ -35,11 +35,17 @@ def default_agents(planners: Sequence[str]) -> tuple[str, ...]:
 def default_planners(kinds: Sequence[str]) -> tuple[str, ...]:
     """Return, for each kind of instructions, a shipped recording of a real model if there is one, else reference plans.
 
-    With reference plans in a model's place (no model at all) only what comes after the plan is compared: belief, search
-    and order.
+    Both, where the recording is of a sample. With reference plans in a model's place (no model at all) only what comes
+    after the plan is compared: belief, search and order.
     """
-    recorded = shipped_recordings()
-    return tuple(f"{kind}=replay:{kind}" if kind in recorded else f"{kind}=reference:{kind}" for kind in kinds)
+    planners: list[str] = []
+    for kind in kinds:
+        recording = shipped_recordings().get(kind)
+        if recording is not None:
+            planners.append(f"{kind}=replay:{kind}")
+        if recording is None or recording.sample is not None:
+            planners.append(f"{kind}=reference:{kind}")
+    return tuple(planners)
 
 
 def compared_by_default(contestant: Contestant) -> bool:
@@ -47,11 +53,16 @@ def compared_by_default(contestant: Contestant) -> bool:
 
     With a recording, those whose every prompt is in it; with reference plans, those that order.
     """
-    kind, _, source = contestant.planner.partition(":")
-    if kind == "replay":
-        recording = shipped_recordings().get(source)
-        return recording is None or contestant.agent in recording.agents
-    return kind != "reference" or METHODS[contestant.agent].order != "written"
+    recording = _shipped(contestant.planner)
+    if recording is not None:
+        return contestant.agent in recording.agents
+    return contestant.planner_kind != "reference" or METHODS[contestant.agent].order != "written"
+
+
+def _shipped(planner: str) -> ShippedRecording | None:
+    """Return the shipped recording that a planner's spec names, or None."""
+    kind, _, name = planner.partition(":")
+    return shipped_recordings().get(name) if kind == "replay" else None
 
 
 def choose(
@@ -63,6 +74,8 @@ def choose(
     prior: str = "choice",
 ) -> tuple[Contestant, ...]:
     """Return the contestants: each agent once per planner, or once if it needs none.
+
+    With a shipped recording of a sample, an agent is run on that sample.
 
     Args:
         agents: names.
@@ -92,8 +105,17 @@ def choose(
                     f"add --planner scripted:FILE.jsonl, or leave it out of --agents"
                 )
             for kinds, planner in map(_for_kind, planners or ("",)):
+                recording = _shipped(planner)
                 chosen.append(
-                    contestant(agent, settings, planner=planner, understanding=understanding, prior=prior, kinds=kinds)
+                    contestant(
+                        agent,
+                        settings,
+                        planner=planner,
+                        understanding=understanding,
+                        prior=prior,
+                        kinds=kinds,
+                        sampled=recording.sample if recording else None,
+                    )
                 )
     return tuple(dict.fromkeys(chosen))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from pathlib import PurePath
@@ -151,8 +152,20 @@ def _facts(section: Section, results: Results) -> tuple[str, ...]:
 
 
 def _section_notes(section: Section) -> list[str]:
-    names = [row.contestant.agent for row in section.rows]
+    _, labels = _labels(section)
+    agents = Counter(row.contestant.agent for row in section.rows)
+    names = [
+        row.contestant.agent if agents[row.contestant.agent] == 1 else " ".join(cells)
+        for row, cells in zip(section.rows, labels, strict=True)
+    ]
     notes = []
+    if not section.alike:
+        drawn = sorted({short_spec(row.contestant.planner) for row in section.rows if row.contestant.sample})
+        notes.append(
+            "Not all rows are over the same episodes (N): success and metres are each over the row's own, matched "
+            "metres over common ones."
+            + "".join(f" {planner}: a sample of the instructions, drawn by the hash of their ids." for planner in drawn)
+        )
     if section.compared:
         together = ", ".join(names[i] for i in section.compared)
         note = f"Metres, matched: over the {section.matched} episodes that all of these solved: {together}"

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from eval.sampling import sample
 from gavel_agents.base import AgentTrace
 
 __all__ = [
@@ -78,6 +79,9 @@ class Step(msgspec.Struct, frozen=True, omit_defaults=True):
 class Contestant(msgspec.Struct, frozen=True, omit_defaults=True):
     """An agent with everything that is chosen for it: one row of a table.
 
+    `kinds` and `sample` say which episodes are scheduled and are no part of `config`: what is drawn for a sample is the
+    same episode outside it.
+
     Attributes:
         agent: registered name.
         planner: spec of the language model, such as `scripted:FILE`; empty for agents that need none.
@@ -86,6 +90,7 @@ class Contestant(msgspec.Struct, frozen=True, omit_defaults=True):
         config: stamp of the above, of the files they name, and of the environment's settings.
         privileged: sees the hidden state.
         kinds: kinds of instructions that it is run on; empty = all.
+        sample: it is run on so many instructions of a benchmark, as `eval.sampling` takes them; None = all.
     """
 
     agent: str
@@ -95,6 +100,7 @@ class Contestant(msgspec.Struct, frozen=True, omit_defaults=True):
     config: str = ""
     privileged: bool = False
     kinds: tuple[str, ...] = ()
+    sample: int | None = None
 
     def takes(self, kind: str) -> bool:
         """Return whether it is run on instructions of this kind."""
@@ -137,6 +143,12 @@ class Benchmark(msgspec.Struct, frozen=True):
         """Every id that counts, rejected lines last."""
         return (*self.instructions, *(line.id for line in self.rejected))
 
+    def scheduled_for(self, contestant: Contestant) -> tuple[str, ...]:
+        """Return the ids that count for a contestant: nothing of other kinds, its sample, rejected lines."""
+        if not contestant.takes(self.kind):
+            return ()
+        return (*sample(self.instructions, contestant.sample), *(line.id for line in self.rejected))
+
 
 class RunHeader(msgspec.Struct, frozen=True, tag_field="schema", tag="gavel-run/1"):
     """What a run set out to do.
@@ -146,7 +158,7 @@ class RunHeader(msgspec.Struct, frozen=True, tag_field="schema", tag="gavel-run/
         versions: of this project, Python and the packages that results can depend on.
         code: git commit (with `+` if files were changed), or the version of the installed package.
         arguments: of the command line or of `run`.
-        contestants, benchmarks, seeds: the schedule is their product, as far as contestants take a kind.
+        contestants, benchmarks, seeds: the schedule is their product, as far as contestants take an instruction.
         environment: settings of the environment and of the runner's limits.
     """
 
@@ -165,9 +177,8 @@ class RunHeader(msgspec.Struct, frozen=True, tag_field="schema", tag="gavel-run/
             EpisodeKey(benchmark.data, contestant.config, instruction, seed)
             for benchmark in self.benchmarks
             for contestant in self.contestants
-            if contestant.takes(benchmark.kind)
             for seed in self.seeds
-            for instruction in benchmark.scheduled
+            for instruction in benchmark.scheduled_for(contestant)
         ]
 
 

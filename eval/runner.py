@@ -38,7 +38,7 @@ class Schedule(msgspec.Struct, frozen=True):
     """What is to be run.
 
     Attributes:
-        contestants, benchmarks, seeds: their product is run.
+        contestants, benchmarks, seeds: their product is run, as far as contestants take an instruction.
         instructions: (data stamp, id) -> instruction; ids without one are rejected lines.
         settings: of the environments.
         plugins: modules whose import registers agents.
@@ -66,14 +66,17 @@ class Schedule(msgspec.Struct, frozen=True):
 
     def episodes(self, code: str) -> list[Episode]:
         """Return the scheduled episodes: all contestants on an instruction before the next instruction."""
-        return [
-            self._episode(benchmark, one, instruction_id, seed, code)
-            for benchmark in self.benchmarks
-            for seed in self.seeds
-            for instruction_id in benchmark.scheduled
-            for one in self.contestants
-            if one.takes(benchmark.kind)
-        ]
+        episodes: list[Episode] = []
+        for benchmark in self.benchmarks:
+            taken = {one: frozenset(benchmark.scheduled_for(one)) for one in self.contestants}
+            episodes += [
+                self._episode(benchmark, one, instruction_id, seed, code)
+                for seed in self.seeds
+                for instruction_id in benchmark.scheduled
+                for one, ids in taken.items()
+                if instruction_id in ids
+            ]
+        return episodes
 
     def _episode(self, benchmark: Benchmark, one: Contestant, instruction_id: str, seed: int, code: str) -> Episode:
         instruction = self.instructions.get((benchmark.data, instruction_id))
@@ -97,11 +100,12 @@ def contestant(
     prior: str = "",
     privileged: bool = False,
     kinds: Sequence[str] = (),
+    sampled: int | None = None,
 ) -> Contestant:
     """Return a contestant with its stamp: of the names, of the content of files that they name, and of the settings."""
     contents = [file_stamp(file) for spec in (planner, understanding, prior) if (file := _named_file(spec))]
     config = stamp(agent, planner, understanding, prior, contents, settings)
-    return Contestant(agent, planner, understanding, prior, config, privileged, tuple(kinds))
+    return Contestant(agent, planner, understanding, prior, config, privileged, tuple(kinds), sampled)
 
 
 _SHIPPED = {"replay": "recordings/{}.jsonl.gz", "reference": "instructions/{}.jsonl"}
@@ -135,7 +139,7 @@ def schedule(
         seeds: one episode per seed.
         kinds: keep only instructions of these kinds; default all.
         sampled: keep only so many of each kind and file, as `eval.sampling` takes them.
-        limit: keep only the first so many of those.
+        limit: keep only the first so many of those, and of the samples that contestants are bound to.
         settings: of the environments.
         plugins: modules whose import registers agents.
 
@@ -152,8 +156,11 @@ def schedule(
                 of_kind.setdefault(instruction.kind, []).append(instruction)
         usual = Counter({kind: len(found) for kind, found in of_kind.items()}).most_common(1)
         for kind, found in of_kind.items():
-            ids = [i.id for i in found] if sampled is None else sample((i.id for i in found), sampled)
-            kept = [file[name] for name in ids[:limit]]
+            ids = sample((i.id for i in found), sampled)
+            if limit is not None:
+                samples = [one.sample for one in contestants if one.takes(kind) and one.sample is not None]
+                ids = sample(ids, max(limit, min(samples)) if samples else None)[:limit]
+            kept = [file[name] for name in ids]
             # A line that could not be read has no kind of its own: it counts under the file's most frequent one.
             rejected = file.rejected if kind == usual[0][0] else ()
             benchmarks.append(

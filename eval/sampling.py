@@ -8,8 +8,8 @@ from collections.abc import Iterable
 __all__ = ["sample"]
 
 
-def sample(ids: Iterable[str], count: int) -> list[str]:
-    """Return `count` ids (all, if there are fewer) in the order given: those with the smallest SHA-256.
+def sample(ids: Iterable[str], count: int | None) -> list[str]:
+    """Return `count` ids (all, if there are fewer, or for None) in the order given: those with the smallest SHA-256.
 
     The same ids are taken wherever this is asked, and a larger sample holds every smaller one.
     """

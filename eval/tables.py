@@ -145,8 +145,9 @@ def _gather(files: RecordFile) -> list[_Scheduled]:
             scheduled = found.setdefault((benchmark.data, benchmark.kind), _Scheduled(benchmark))
             for one in header.contestants:
                 ids = benchmark.scheduled_for(one)
-                if ids:
-                    scheduled.add(one, [EpisodeKey(benchmark.data, one.config, i, s) for s in header.seeds for i in ids])
+                keys = [EpisodeKey(benchmark.data, one.config, i, s) for s in header.seeds for i in ids]
+                if keys:
+                    scheduled.add(one, keys)
     for record in files.records.values():
         unknown = Benchmark(record.kind, "(no header)", "", record.data, ())
         found.setdefault((record.data, record.kind), _Scheduled(unknown)).add(record.contestant, [record.key])

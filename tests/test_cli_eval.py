@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import os
 import subprocess
@@ -80,6 +82,31 @@ def test_every_method_on_scripted_completions(few: Path, tmp_path: Path, capsys:
         assert record.model == "scripted:answers.jsonl"
         assert record.method["source"] == "model"
         assert record.trace.tasks[0].proposed
+
+
+def test_a_shipped_recording_of_a_sample_is_in_the_default_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("gavel_agents.llm.replay.RECORDINGS", tmp_path)
+    recorded = ["--planner", "reference:multi", "--instructions", "multi", "--sample", "2", "--agents", "llm-only"]
+    assert main(["record", *recorded, "--out", str(tmp_path / "multi.jsonl.gz")]) == 0
+    entry = {"model": "m", "source": "s", "instructions": "multi", "agents": ["llm-only"], "sample": 2}
+    (tmp_path / "index.json").write_text(json.dumps({"multi": entry}))
+    run = ["eval", "--kind", "multi", "--quiet", "--format", "csv"]
+    capsys.readouterr()
+    assert main([*run, "--sample", "4", "--out", str(tmp_path / "default")]) == 0
+    lines = csv.DictReader(io.StringIO(capsys.readouterr().out))
+    assert [(line["agent"], line["planner"], line["scheduled"], line["recorded"]) for line in lines] == [
+        ("llm-only", "replay:multi", "2", "2"),
+        ("epog", "", "4", "4"),
+        ("gavel-map", "reference:multi", "4", "4"),
+        ("gavel-static", "reference:multi", "4", "4"),
+        ("gavel-full", "reference:multi", "4", "4"),
+        ("oracle", "", "4", "4"),
+    ]
+    assert main([*run, "--agents", "llm-only", "--planner", "multi=replay:multi", "--out", str(tmp_path / "own")]) == 0
+    [line] = csv.DictReader(io.StringIO(capsys.readouterr().out))
+    assert (line["scheduled"], line["success_pct"]) == ("2", "100.0")
 
 
 def test_tables_of_a_run_in_every_format(few: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eval.journal import RecordWriter, read_records
-from eval.records import OUTCOMES, Contestant, EpisodeRecord, RunHeader, Step
+from eval.records import OUTCOMES, Benchmark, Contestant, EpisodeRecord, RunHeader, Step
 from eval.scrub import describe_error, scrub, scrub_secrets
 from gavel_agents.base import AgentTrace, TaskTrace
 from gavel_env.errors import DataError
@@ -63,6 +63,14 @@ def test_a_torn_last_line_is_left_out_and_then_rewritten(tmp_path_factory: pytes
     with RecordWriter(path) as writer:
         writer.write(episode("c"))
     assert path.read_bytes() == content
+
+
+def test_contestants_of_before_samples_are_read_as_on_everything() -> None:
+    old = b'{"agent":"llm-only","planner":"replay:single","config":"c0","kinds":["single"]}'
+    read = msgspec.json.decode(old, type=Contestant)
+    assert read == Contestant("llm-only", "replay:single", config="c0", kinds=("single",))
+    assert msgspec.json.encode(read) == old
+    assert Benchmark("single", "f", "s", "d", ("a", "b")).scheduled_for(read) == ("a", "b")
 
 
 def test_a_damaged_line_is_reported_and_the_others_are_kept(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 import gavel_agents
 import gavel_env  # noqa: F401  (registers the environments)
+from eval.sampling import sample
 from gavel_agents.llm import Completion, Message, Prompt
 from gavel_agents.llm.replay import (
     NotRecorded,
@@ -124,6 +125,6 @@ def test_shipped_recordings_answer_every_prompt_of_the_code(name: str) -> None:
     env = gym.make("Gavel-MultiTask-v0", instructions=instructions, observation="symbolic")
     for agent in recording.agents:
         planner = gavel_agents.make(agent, understanding=understanding, model=model)
-        for instruction_id in instructions:
+        for instruction_id in sample(instructions, recording.sample):
             planner.reset(*env.reset(seed=0, options={"instruction": instruction_id}))
             assert planner.trace.attempts >= 1  # type: ignore[attr-defined]

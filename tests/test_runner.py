@@ -22,7 +22,9 @@ from eval.formats import to_csv
 from eval.journal import read_records
 from eval.records import EpisodeRecord
 from eval.runner import Schedule, contestant, run, schedule
+from eval.sampling import sample
 from eval.tables import results
+from gavel_agents.llm.replay import ShippedRecording
 from gavel_env.errors import DataError, GavelError, UnknownAgent
 from gavel_env.instructions import InstructionSet, read_instructions, shipped
 
@@ -265,7 +267,17 @@ def test_a_planner_can_be_for_one_kind() -> None:
     assert epog.planner == ""
 
 
-def test_without_a_planner_recordings_serve_or_reference_plans_where_only_order_is_compared() -> None:
+def recorded(monkeypatch: pytest.MonkeyPatch, **samples: int | None) -> None:
+    """Let shipped recordings be these: name -> size of the sample, None for whole ones."""
+    agents = ("llm-only", "gavel-map", "gavel-full")
+    index = {name: ShippedRecording("a model", "", name, agents, size) for name, size in samples.items()}
+    monkeypatch.setattr("eval.contestants.shipped_recordings", lambda: index)
+
+
+def test_without_a_planner_recordings_serve_or_reference_plans_where_only_order_is_compared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    recorded(monkeypatch, single=None)
     assert default_planners(("single", "multi")) == ("single=replay:single", "multi=reference:multi")
     agents = ["llm-only", "gavel-basic", "gavel-map", "epog", "oracle"]
     chosen = choose(agents, SETTINGS, planners=["multi=reference:multi", "single=replay:single"])
@@ -275,6 +287,65 @@ def test_without_a_planner_recordings_serve_or_reference_plans_where_only_order_
     assert ("llm-only", "reference:multi") not in kept
     assert ("gavel-basic", "reference:multi") not in kept
     assert {"epog", "oracle"} <= {agent for agent, _ in kept}
+
+
+def test_a_recording_of_a_sample_stands_beside_reference_plans_on_all(
+    instructions: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorded(monkeypatch, single=3)
+    planners = default_planners(("single",))
+    assert planners == ("single=replay:single", "single=reference:single")
+    who = tuple(filter(compared_by_default, choose(["llm-only", "gavel-map", "oracle"], SETTINGS, planners=planners)))
+    file = read_instructions(instructions)
+    plan = schedule(who, [file])
+    run_on: dict[tuple[str, str], list[str]] = {}
+    for episode in plan.episodes(""):
+        run_on.setdefault((episode.contestant.agent, episode.contestant.planner), []).append(episode.key.instruction)
+    drawn = sample(file, 3)
+    assert run_on == {
+        ("llm-only", "replay:single"): drawn,
+        ("gavel-map", "replay:single"): drawn,
+        ("gavel-map", "reference:single"): list(file),
+        ("oracle", ""): list(file),
+    }
+    assert sorted(plan.header({}).keys()) == sorted(episode.key for episode in plan.episodes(""))
+
+
+@pytest.mark.parametrize("planner", ["replay:single", "single=replay:single"])
+def test_a_planner_given_by_hand_is_bound_to_the_sample_of_its_recording(
+    planner: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorded(monkeypatch, single=3)
+    [one] = choose(["llm-only"], SETTINGS, planners=[planner])
+    [other] = choose(["llm-only"], SETTINGS, planners=["reference:single"])
+    assert (one.sample, other.sample) == (3, None)
+
+
+@pytest.mark.parametrize(
+    ("sampled", "limit", "whole", "bound"), [(2, None, 2, 2), (5, None, 5, 3), (None, 2, 2, 2), (None, 5, 5, 3)]
+)
+def test_a_smaller_choice_is_taken_from_the_sample(
+    instructions: Path, sampled: int | None, limit: int | None, whole: int, bound: int
+) -> None:
+    file = read_instructions(instructions)
+    some, every = contestant("lazy", SETTINGS, sampled=3), contestant("sloppy", SETTINGS)
+    [benchmark] = schedule([some, every], [file], sampled=sampled, limit=limit).benchmarks
+    assert len(benchmark.scheduled_for(every)) == whole
+    assert len(benchmark.scheduled_for(some)) == bound
+    assert set(benchmark.scheduled_for(some)) <= set(benchmark.scheduled_for(every)) & set(sample(file, 3))
+
+
+def test_an_episode_is_the_same_one_within_a_sample_and_without(instructions: Path, tmp_path: Path) -> None:
+    file = read_instructions(instructions)
+    some, every = contestant("lazy", SETTINGS, sampled=2), contestant("lazy", SETTINGS)
+    ran: list[EpisodeRecord] = []
+    path = run(schedule([some], [file], settings=SETTINGS, plugins=[PLUGIN]), tmp_path, report=ran.append)
+    assert {record.instruction for record in ran} == set(sample(file, 2))
+    plan = schedule([every], [file], settings=SETTINGS, plugins=[PLUGIN])
+    run(plan, tmp_path, existing="resume", report=ran.append)
+    assert sorted(record.instruction for record in ran) == sorted(file)
+    [section] = results(read_records([path])).sections
+    assert [(row.scheduled, row.recorded) for row in section.rows] == [(6, 6)]
 
 
 def test_unknown_agents_and_missing_planners_are_said_before_anything_runs(instructions: Path, tmp_path: Path) -> None:

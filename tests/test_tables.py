@@ -17,6 +17,7 @@ from eval.formats import FORMATS, render, to_csv
 from eval.journal import RecordFile
 from eval.layout import grids
 from eval.records import Benchmark, Contestant, EpisodeKey, EpisodeRecord, RejectedLine, RunHeader
+from eval.sampling import sample
 from eval.statistics import over_episodes, over_seeds, share_over_seeds, wilson
 from eval.tables import Results, Row, results
 from gavel_agents.base import AgentTrace
@@ -153,6 +154,36 @@ def test_a_planner_for_one_kind_is_scheduled_for_that_kind_alone() -> None:
     assert len(both.keys()) == 3 * len(IDS)
     found = results(file([], both))
     assert [[row.contestant.agent for row in s.rows] for s in found.sections] == [["epog"], ["epog", "gavel-full"]]
+
+
+def test_rows_on_a_sample_say_so_and_matched_metres_are_over_common_episodes() -> None:
+    replay = Contestant("gavel-full", "replay:multi", "reference", "choice", "c-replay", sample=10)
+    plans = Contestant("gavel-full", "reference:multi", "reference", "choice", "c-plans")
+    drawn = sample(IDS, 10)
+    records = [record(one, name, 0, metres=float(name[1:])) for one in (plans, ORACLE) for name in IDS]
+    records += [record(replay, name, 0, metres=50.0) for name in drawn[:6]]
+    records += [record(replay, name, 0, "unmet") for name in drawn[6:]]
+    found = results(file(records, header((replay, plans, ORACLE), seeds=(0,))))
+    [section] = found.sections
+    first, second, last = section.rows
+    assert (first.scheduled, second.scheduled, last.scheduled, section.matched) == (10, 30, 30, 6)
+    common = np.mean([float(name[1:]) for name in drawn[:6]])
+    assert [row.matched.mean for row in section.rows if row.matched] == [50.0, common, common]
+    assert first.regret == pytest.approx(50.0 / common)
+    [grid] = grids(found)
+    assert [row[-1] for row in grid.rows] == ["10", "30", "30"]
+    assert [row[1] for row in grid.rows] == ["replay:multi", "reference:multi", "—"]
+    notes = " ".join(grid.notes)
+    assert "Not all rows are over the same episodes" in notes
+    assert "replay:multi: a sample" in notes
+    assert "6 episodes that all of these solved: gavel-full replay:multi, gavel-full ¶ reference:multi, or" in notes
+
+
+def test_rows_on_the_same_episodes_carry_no_warning() -> None:
+    assert "Not all rows" not in render(results(file(made_up())))
+    bound = msgspec.structs.replace(FULL, sample=10)
+    few = benchmark(tuple(sample(IDS, 10)))
+    assert "Not all rows" not in render(results(file([], header((bound, ORACLE), (few,)))))
 
 
 def test_the_names_of_models_are_in_the_header() -> None:

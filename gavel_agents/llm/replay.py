@@ -22,6 +22,10 @@ from gavel_env.errors import DataError, GavelError
 __all__ = ["NotRecorded", "Recorded", "RecordingModel", "ReplayModel", "completion_key", "read_recording"]
 
 
+RECORDINGS = Path(str(resources.files("envs_data") / "recordings"))
+"""Folder of the shipped recordings and of the index that says what they are of."""
+
+
 class NotRecorded(GavelError):
     """A prompt is not in the recording."""
 
@@ -188,10 +192,9 @@ def shipped_recording(name: str) -> Path:
     Raises:
         DataError: no such file; lists those that exist.
     """
-    folder = Path(str(resources.files("envs_data") / "recordings"))
-    path = folder / f"{name}.jsonl.gz"
+    path = RECORDINGS / f"{name}.jsonl.gz"
     if not path.is_file():
-        known = ", ".join(sorted(p.name.removesuffix(".jsonl.gz") for p in folder.glob("*.jsonl.gz"))) or "none"
+        known = ", ".join(sorted(p.name.removesuffix(".jsonl.gz") for p in RECORDINGS.glob("*.jsonl.gz"))) or "none"
         raise DataError(f"no recording {name!r} at this path or shipped; shipped recordings: {known}")
     return path
 
@@ -202,19 +205,21 @@ class ShippedRecording(msgspec.Struct, frozen=True):
     Attributes:
         model: name of the model.
         source: where the model comes from.
-        instructions: shipped instruction file that was recorded, whole.
+        instructions: shipped instruction file that was recorded.
         agents: methods all of whose prompts are in it.
+        sample: so many of the instructions were recorded, as `eval.sampling` takes them; None = all.
     """
 
     model: str
     source: str
     instructions: str
     agents: tuple[str, ...]
+    sample: int | None = None
 
 
 def shipped_recordings() -> dict[str, ShippedRecording]:
     """Return the shipped recordings by name."""
-    index = Path(str(resources.files("envs_data") / "recordings" / "index.json"))
+    index = RECORDINGS / "index.json"
     if not index.is_file():
         return {}
     return msgspec.json.decode(index.read_bytes(), type=dict[str, ShippedRecording])
