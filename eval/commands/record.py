@@ -18,24 +18,37 @@ def register(subparsers: Any) -> None:
     parser.add_argument("--out", required=True, metavar="FILE.jsonl.gz", help="the recording; an existing one goes on")
     parser.add_argument("--agents", default=_AGENTS, metavar="A,B", help=f"default: {_AGENTS}")
     parser.add_argument("--instructions", default="single", metavar="NAME", help="shipped file or path")
-    parser.add_argument("--sample", type=int, metavar="N", help="only N instructions, drawn by the hash of their ids")
+    parser.add_argument(
+        "--sample", type=_positive, metavar="N", help="only N instructions, drawn by the hash of their ids"
+    )
+    parser.add_argument("--understanding", default="reference", metavar="NAME", help="reference (default) or rules")
     parser.add_argument("--prior", default="choice", metavar="NAME", help="location prior (default: choice)")
-    parser.add_argument("--threads", type=int, default=2, metavar="N", help="prompts at the same time (default: 2)")
+    parser.add_argument("--profile", choices=("paper", "omnigibson"), default="paper", help="rules profile")
+    parser.add_argument(
+        "--threads", type=_positive, default=2, metavar="N", help="prompts asked at the same time (default: 2)"
+    )
     parser.set_defaults(run=_run)
 
 
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number above 0")
+    return int(text)
+
+
 def _run(arguments: argparse.Namespace) -> int:
-    from eval.recording import record
+    from eval.recording import record, recorder
     from eval.sampling import sample
-    from gavel_agents.llm import load_model
-    from gavel_agents.llm.replay import RecordingModel, compact
+    from gavel_agents.llm.replay import compact
+    from gavel_agents.understanding import load_understanding
+    from gavel_env.dynamics import Profile
     from gavel_env.instructions import read_instructions, shipped
 
     source = arguments.instructions
     instructions = read_instructions(source if source.endswith(".jsonl") else shipped(source))
-    chosen = list(instructions) if arguments.sample is None else sample(list(instructions), arguments.sample)
+    chosen = sample(instructions, arguments.sample)
     agents = arguments.agents.split(",")
-    model = RecordingModel(load_model(arguments.planner), arguments.out)
+    model = recorder(arguments.planner, arguments.out, arguments.threads)
     begun = time.monotonic()
     total = len(agents) * len(chosen)
     for number, asked in enumerate(
@@ -43,7 +56,9 @@ def _run(arguments: argparse.Namespace) -> int:
             model,
             agents,
             {name: instructions[name] for name in chosen},
+            understanding=load_understanding(arguments.understanding, instructions.values()),
             prior=arguments.prior,
+            profile=Profile(arguments.profile),
             threads=arguments.threads,
         ),
         start=1,
