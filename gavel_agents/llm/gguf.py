@@ -35,7 +35,7 @@ class GgufModel:
             seed: of the sampler, when the temperature is not 0.
 
         Raises:
-            DataError: there is no such file.
+            DataError: there is no such file, or it holds no model.
             BadPlannerSpec: the package xllamacpp is not installed.
         """
         path, constrained, _ = path.partition("?constrained")
@@ -58,7 +58,10 @@ class GgufModel:
         parameters.n_ctx = _SLOTS * _TOKENS_PER_SLOT
         parameters.n_parallel = _SLOTS
         parameters.verbosity = 0
-        self._server: Any = xllamacpp.Server(parameters)
+        try:
+            self._server: Any = xllamacpp.Server(parameters)
+        except RuntimeError as error:
+            raise DataError(f"{path} cannot be loaded; is it a whole GGUF file? ({error})") from error
 
     def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         """Return one completion per prompt; as many run at once as there are slots."""
