@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium as gym
 
 import gavel_env  # noqa: F401  # registers the environments
-from gavel_env.actions import Action
+from gavel_env.actions import Action, parse_action
 from gavel_env.instructions import Instruction, read_instructions
 from gavel_env.observed import EnvAction
 from gavel_env.ontology import category_of
@@ -44,4 +44,12 @@ def by_reference(env: gym.Env[Any, Any], instruction: Instruction) -> tuple[Any,
         last = env.step(send(env, action))
         if last[2] or last[3]:
             break
+    return last
+
+
+def steps(env: gym.Env[Any, Any], *plan: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+    """Take steps given as text; return what the last one returned."""
+    last: Any = None
+    for text in plan:
+        last = env.step(EnvAction.of(parse_action(text)))
     return last

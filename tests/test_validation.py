@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from errands import corrupt, draw_errand
+from defects import corrupt
+from errands import draw_errand
 from worlds import kitchen
 
 from gavel_agents.validation import Rank, validate

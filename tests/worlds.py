@@ -76,6 +76,11 @@ def kitchen(moved: Mapping[str, str] | None = None, **state: object) -> SceneGra
     return build(places, **state)  # type: ignore[arg-type]
 
 
+def opened(*objects: str, moved: dict[str, str] | None = None) -> SceneGraph:
+    """Return the kitchen with these open."""
+    return kitchen(moved, flags={"open": objects})
+
+
 def restrict(graph: SceneGraph, keep: Iterable[str]) -> SceneGraph:
     """Return the part of a graph about some objects and what holds them up."""
     kept: set[str] = set()
