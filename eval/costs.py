@@ -10,7 +10,7 @@ from eval.statistics import Estimate, over_episodes
 
 __all__ = ["STAGES", "Costs", "costs", "in_order"]
 
-STAGES = ("understand", "plan", "repair", "order")
+STAGES = ("understand", "plan", "repair", "validate", "order")
 """Stages of the shared pipeline, in its order; agents of others may report further ones."""
 
 

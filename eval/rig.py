@@ -19,7 +19,7 @@ from eval.records import Contestant, EpisodeRecord, Step
 from eval.scrub import describe_error, scrub
 from gavel_agents.base import Agent, AgentTrace, Privileged
 from gavel_agents.llm import ChatModel, load_model
-from gavel_agents.understanding import load_understanding
+from gavel_agents.understanding import Understanding, load_understanding
 from gavel_env.dynamics import Profile
 from gavel_env.errors import GavelError
 from gavel_env.goals import unmet
@@ -103,6 +103,7 @@ class Rig:
         self.settings = settings
         self._environments: dict[str, gym.Env[Any, Any]] = {}
         self._models: dict[str, ChatModel] = {}
+        self._understandings: dict[tuple[str, str], Understanding] = {}
 
     def check(self, episodes: Iterable[Episode]) -> None:
         """Build every contestant's agent once, so that what can never run is said before anything runs.
@@ -122,16 +123,26 @@ class Rig:
         Raises:
             GavelError: the contestant's agent, planner, understanding or prior is not known or not usable.
         """
-        name = contestant.understanding
-        understanding = load_understanding(name, [instruction]) if name else None
         return gavel_agents.make(
             contestant.agent,
-            understanding=understanding,
+            understanding=self._understanding(contestant, instruction),
             model=self._model(contestant.planner),
             prior=contestant.prior or "choice",
             profile=Profile(self.settings.profile),
             seed=seed,
         )
+
+    def _understanding(self, contestant: Contestant, instruction: Instruction) -> Understanding | None:
+        """Return the understanding of a contestant; the reference looks at one instruction, others at none."""
+        name, model = contestant.understanding, self._model(contestant.planner)
+        if not name:
+            return None
+        if name == "reference":
+            return load_understanding(name, [instruction])
+        asked = (name, contestant.planner if name == "llm" else "")
+        if asked not in self._understandings:
+            self._understandings[asked] = load_understanding(name, model=model)
+        return self._understandings[asked]
 
     def _model(self, planner: str) -> ChatModel | None:
         if planner and planner not in self._models:

@@ -2,51 +2,15 @@
 
 from __future__ import annotations
 
-import gzip
-from collections.abc import Iterable, Iterator, Sequence
-from importlib import resources
-from pathlib import Path
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-import msgspec
+from gavel_agents.understanding import BatchedUnderstanding, Decomposition, Understanding
+from gavel_agents.understanding.pairs import Sample, Target
 
-from gavel_agents.understanding import Decomposition, Understanding
-from gavel_env.errors import DataError
-from gavel_env.instructions import shipped
-
-__all__ = ["PARTS", "Part", "Report", "Sample", "Target", "evaluate", "read_samples"]
+__all__ = ["PARTS", "Part", "Report", "evaluate"]
 
 PARTS = ("objects", "relations", "goals", "tasks")
-
-
-class Target(msgspec.Struct, frozen=True):
-    """What understanding one task must give, in text form."""
-
-    text: str
-    objects: tuple[str, ...]
-    relations: tuple[str, ...]
-    goal: tuple[str, ...]
-
-
-class Sample(msgspec.Struct, frozen=True):
-    """A sentence and its tasks."""
-
-    id: str
-    text: str
-    tasks: tuple[Target, ...]
-
-
-class _Meta(msgspec.Struct, frozen=True):
-    targets: tuple[Target, ...] = ()
-
-
-class _Line(msgspec.Struct, frozen=True):
-    """A line of an instruction file, or of a file of pairs (whose tasks are targets themselves)."""
-
-    id: str
-    text: str
-    tasks: msgspec.Raw
-    meta: _Meta = _Meta()
 
 
 class Part(NamedTuple):
@@ -87,47 +51,36 @@ class Report(NamedTuple):
     mistakes: tuple[tuple[Sample, Decomposition], ...]
 
 
-def read_samples(source: str) -> list[Sample]:
-    """Return the samples of a shipped file (`single`, `multi`, `validation`, ...) or of a path.
-
-    Raises:
-        UnknownInstruction: no shipped file has this name.
-        DataError: unreadable or malformed; names the file and the line.
-    """
-    path = _path(source)
-    try:
-        content = path.read_bytes()
-        lines = (gzip.decompress(content) if path.suffix == ".gz" else content).splitlines()
-    except (OSError, EOFError) as error:
-        raise DataError(f"{path} cannot be read: {error}") from error
-    samples = []
-    for number, raw in enumerate(lines, start=1):
-        try:
-            line = msgspec.json.decode(raw, type=_Line)
-            tasks = line.meta.targets or msgspec.json.decode(line.tasks, type=tuple[Target, ...])
-        except msgspec.DecodeError as error:
-            raise DataError(f"{path}:{number}: no targets of understanding: {error}") from error
-        samples.append(Sample(line.id, line.text, tasks))
-    return samples
+_CHUNK = 64
+"""Texts that are put to a model together."""
 
 
-def _path(source: str) -> Path:
-    if source.endswith((".jsonl", ".jsonl.gz")):
-        return Path(source)
-    folder = Path(str(resources.files("envs_data") / "instructions" / "pairs"))
-    pairs = (folder / f"{source}{ending}" for ending in (".jsonl", ".jsonl.gz"))
-    return next((path for path in pairs if path.is_file()), None) or shipped(source)
+def _answers(understanding: Understanding, samples: Sequence[Sample]) -> Iterator[Decomposition]:
+    if not isinstance(understanding, BatchedUnderstanding):
+        yield from (understanding.understand(sample.text, sample.id) for sample in samples)
+        return
+    for start in range(0, len(samples), _CHUNK):
+        chunk = samples[start : start + _CHUNK]
+        yield from understanding.understand_all([s.text for s in chunk], [s.id for s in chunk])
 
 
-def evaluate(understanding: Understanding, samples: Sequence[Sample]) -> Report:
+def evaluate(
+    understanding: Understanding,
+    samples: Sequence[Sample],
+    watch: Callable[[Iterator[Decomposition]], Iterable[Decomposition]] = iter,
+) -> Report:
     """Return the scores of an understanding; parts are compared as sets over the whole instruction.
 
     A task is right if its goal literals are; the tasks are exactly right if they also stand in the same order.
+
+    Args:
+        understanding: what is scored.
+        samples: texts and what they mean.
+        watch: passes the answers on, one per sample, as they come.
     """
     parts = dict.fromkeys(PARTS, Part())
     exact, refused, mistakes = 0, dict[str, int](), list[tuple[Sample, Decomposition]]()
-    for sample in samples:
-        got = understanding.understand(sample.text, sample.id)
+    for sample, got in zip(samples, watch(_answers(understanding, samples)), strict=True):
         said, meant = _given(got), _wanted(sample.tasks)
         in_order = [_goals(t) for t in said.tasks] == [_goals(t) for t in meant.tasks]
         for name in PARTS:

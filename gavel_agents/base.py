@@ -41,7 +41,7 @@ class AgentTrace(msgspec.Struct, kw_only=True):
         attempts: calls of the planner.
         order: indices of the tasks in the order executed.
         expected_m: J of the first ordering chosen, metres; None if the method does not order.
-        seconds: seconds by stage (understand, plan, repair, order); planning time is their sum.
+        seconds: seconds by stage (understand, plan, repair, validate, order); planning time is their sum.
         prompt_tokens, completion_tokens: totals over the attempts.
         prompts: SHA-256 (16 digits) of every prompt.
         completions: the raw answers.

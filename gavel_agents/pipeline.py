@@ -91,6 +91,10 @@ class PlanningAgent:
         instruction_id = str(info.get("instruction_id", ""))
         with stage(self.trace, "understand"):
             understood = self._understanding.understand(observed.instruction, instruction_id)
+        if understood.asked is not None:  # perhaps of an earlier episode with the same text
+            self.trace.seconds["understand"] = understood.asked.seconds
+            self.trace.prompt_tokens += understood.asked.prompt_tokens
+            self.trace.completion_tokens += understood.asked.completion_tokens
         if not understood.tasks:
             self.trace.stopped = f"not understood: {understood.refused}"
             return

@@ -77,10 +77,11 @@ def edited_plans(problem: Problem, trace: AgentTrace) -> Planned:
     A state that only an appliance confers is no difference of relations, so it is left out of what the edits work
     towards; the verdict is on the whole goal (`epog`).
     """
-    sketched = [
-        repair(problem.graph, (), _edit_goal(task.goal), cost=problem.cost, profile=problem.profile).plan
-        for task in problem.tasks
-    ]
+    with stage(trace, "plan"):
+        sketched = [
+            repair(problem.graph, (), _edit_goal(task.goal), cost=problem.cost, profile=problem.profile).plan
+            for task in problem.tasks
+        ]
     return _judge(problem, sketched, trace, repairing=False)
 
 
@@ -101,7 +102,8 @@ def _judge(problem: Problem, plans: Sequence[Plan], trace: AgentTrace, *, repair
             edits = repaired.trace
         else:
             plan = proposed
-            verdict = validate(problem.graph, plan, task.goal, cost=problem.cost, profile=problem.profile)
+            with stage(trace, "validate"):
+                verdict = validate(problem.graph, plan, task.goal, cost=problem.cost, profile=problem.profile)
         planned.plans.append(plan)
         planned.verdicts.append(verdict)
         trace.tasks.append(

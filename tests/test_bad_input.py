@@ -11,7 +11,6 @@ import pytest
 from test_understanding import RULES, broken_sentence, salad
 
 import gavel_agents
-from eval.understanding import read_samples
 from gavel_agents.base import AgentTrace
 from gavel_agents.believed import believed_graph
 from gavel_agents.llm import Completion, Prompt
@@ -21,6 +20,7 @@ from gavel_agents.pipeline import PlanningAgent
 from gavel_agents.plans import parse_plans
 from gavel_agents.proposals import Problem, proposed_plans
 from gavel_agents.understanding import TaskUnderstanding
+from gavel_agents.understanding.pairs import read_samples
 from gavel_agents.validation import navigations, validate
 from gavel_env.dynamics import Profile
 from gavel_env.grounding import scene_graph

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import gavel_agents.understanding.rules as rules_package
 from eval.cli import main
-from eval.understanding import Sample, Target, evaluate, read_samples
+from eval.understanding import evaluate
 from gavel_agents.understanding import (
     Decomposition,
     RulesUnderstanding,
@@ -23,6 +23,7 @@ from gavel_agents.understanding import (
     UnknownUnderstanding,
     load_understanding,
 )
+from gavel_agents.understanding.pairs import Sample, Target, read_samples
 from gavel_agents.understanding.rules.lexer import known_nouns
 from gavel_agents.understanding.rules.nouns import ROOM_SYNONYMS, SYNONYMS, VAGUE
 from gavel_agents.understanding.rules.verb_words import verb_forms

@@ -46,7 +46,9 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
         metavar="SPEC",
         help="language model, such as scripted:FILE.jsonl, or multi=SPEC for one kind; repeatable",
     )
-    what.add_argument("--understanding", default="reference", metavar="NAME", help="reference (default) or rules")
+    what.add_argument(
+        "--understanding", default="reference", metavar="NAME", help="reference (default), rules, adapter or llm"
+    )
     what.add_argument(
         "--prior", default="choice", metavar="NAME", help="location prior: choice (default), rsn or uniform"
     )

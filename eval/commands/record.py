@@ -21,7 +21,9 @@ def register(subparsers: Any) -> None:
     parser.add_argument(
         "--sample", type=_positive, metavar="N", help="only N instructions, drawn by the hash of their ids"
     )
-    parser.add_argument("--understanding", default="reference", metavar="NAME", help="reference (default) or rules")
+    parser.add_argument(
+        "--understanding", default="reference", metavar="NAME", help="reference (default), rules, adapter or llm"
+    )
     parser.add_argument("--prior", default="choice", metavar="NAME", help="location prior (default: choice)")
     parser.add_argument("--profile", choices=("paper", "omnigibson"), default="paper", help="rules profile")
     parser.add_argument(
@@ -56,7 +58,7 @@ def _run(arguments: argparse.Namespace) -> int:
             model,
             agents,
             {name: instructions[name] for name in chosen},
-            understanding=load_understanding(arguments.understanding, instructions.values()),
+            understanding=load_understanding(arguments.understanding, instructions.values(), model),
             prior=arguments.prior,
             profile=Profile(arguments.profile),
             threads=arguments.threads,

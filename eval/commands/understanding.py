@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import argparse
 import json
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from eval.families import family
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
     from eval.understanding import Report
+    from gavel_agents.understanding import Decomposition
 
 __all__ = ["register"]
 
@@ -21,7 +25,14 @@ def register(subparsers: Any) -> None:
     command = family(subparsers, "eval").add_parser(
         "understanding", help="score task understanding: objects, relations, goals, decomposition"
     )
-    command.add_argument("--understanding", default="rules", metavar="NAME", help="default: rules")
+    command.add_argument(
+        "--understanding",
+        default="rules",
+        metavar="NAME",
+        help="rules (default), adapter, adapter:FOLDER, llm or reference",
+    )
+    command.add_argument("--planner", metavar="SPEC", help="the language model that llm asks")
+    command.add_argument("--record", metavar="FILE.jsonl.gz", help="keep what it answers; an existing file goes on")
     command.add_argument(
         "--instructions",
         action="append",
@@ -35,23 +46,38 @@ def register(subparsers: Any) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from eval.understanding import evaluate, read_samples
+    from eval.recording import recorder
+    from eval.understanding import evaluate
+    from gavel_agents.llm import load_model
     from gavel_agents.understanding import load_understanding
+    from gavel_agents.understanding.pairs import read_samples
     from gavel_env.instructions import read_instructions, shipped
 
+    planner, record = arguments.planner, arguments.record
+    model = (recorder(planner, record, threads=1) if record else load_model(planner)) if planner else None
     names: list[str] = arguments.instructions or list(_FILES)
     reports: dict[str, Report] = {}
     for name in names:
         instructions: Any = ()
         if arguments.understanding == "reference":
             instructions = read_instructions(name if name.endswith(".jsonl") else shipped(name)).values()
-        understanding = load_understanding(arguments.understanding, instructions)
-        reports[name] = evaluate(understanding, read_samples(name)[: arguments.limit])
+        understanding = load_understanding(arguments.understanding, instructions, model)
+        samples = read_samples(name)[: arguments.limit]
+        reports[name] = evaluate(understanding, samples, partial(_shown, name, len(samples)))
     if arguments.json:
         print(json.dumps({name: _plain(report) for name, report in reports.items()}, indent=1))
     else:
         _print(arguments.understanding, reports, arguments.mistakes)
     return 0
+
+
+def _shown(name: str, total: int, answers: Iterable[Decomposition]) -> Iterator[Decomposition]:
+    """Pass answers on, with a bar on a terminal's stderr."""
+    from rich.console import Console
+    from rich.progress import track
+
+    console = Console(stderr=True)
+    yield from track(answers, name, total, console=console, transient=True, disable=not console.is_terminal)
 
 
 def _plain(report: Report) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib import import_module
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import msgspec
 
@@ -31,11 +31,13 @@ class Prompt(msgspec.Struct, frozen=True):
         messages: the turns; the leading ones that never change between instructions come first.
         instruction_id: which instruction it is about (scripted models answer by it; never shown to a model).
         attempt: 0 for the first proposal, then 1, 2, ... for retries.
+        schema: JSON schema to which backends that can hold the answer; others are told by the turns alone.
     """
 
     messages: tuple[Message, ...]
     instruction_id: str = ""
     attempt: int = 0
+    schema: Mapping[str, Any] | None = None
 
 
 class Completion(msgspec.Struct, frozen=True):

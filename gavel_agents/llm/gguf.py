@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt
-from gavel_agents.llm.grammar import plan_gbnf
+from gavel_agents.llm.grammar import json_schema, plan_gbnf
 from gavel_env.errors import DataError
 
 __all__ = ["GgufModel"]
@@ -74,7 +74,7 @@ class GgufModel:
             "messages": [{"role": m.role, "content": m.content} for m in prompt.messages],
             "cache_prompt": True,
             **{name: value for name, value in self.decoding.items() if name != "constrained"},
-            **self._grammar,
+            **(self._grammar if prompt.schema is None else json_schema(prompt.schema)),
         }
         answer = self._server.handle_chat_completions(request)
         if isinstance(answer, str | bytes):

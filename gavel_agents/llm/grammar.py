@@ -7,16 +7,21 @@ beyond `MOST_STEPS`. Constrained runs say so in their decoding, since they are n
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gavel_env.actions import Primitive
 
-__all__ = ["MOST_STEPS", "MOST_TASKS", "plan_gbnf", "plan_schema", "step_pattern"]
+__all__ = ["MOST_STEPS", "MOST_TASKS", "json_schema", "plan_gbnf", "plan_schema", "step_pattern"]
 
 MOST_STEPS = 40
 MOST_TASKS = 9
 _NAME = r"[a-z][a-z0-9_]*(@[a-z][a-z0-9_]*)?"
+
+
+def json_schema(schema: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a chat-completions request says to hold the answer to a JSON schema."""
+    return {"response_format": {"type": "json_schema", "json_schema": {"name": "answer", "schema": schema}}}
 
 
 def plan_gbnf(names: Sequence[str] | None = None) -> str:

@@ -16,6 +16,7 @@ from urllib.parse import parse_qsl
 
 from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt
 from gavel_agents.llm.hosted import ModelError
+from gavel_agents.llm.local import load_local
 
 __all__ = ["HfModel", "without_thinking"]
 
@@ -54,23 +55,11 @@ class HfModel:
             loading["quantization_config"] = four_bits(
                 load_in_4bit=True, bnb_4bit_quant_type="nf4", bnb_4bit_compute_dtype=torch.bfloat16
             )
-        try:
-            tokenizer: Any = transformers.AutoTokenizer.from_pretrained(source, padding_side="left")
-            model: Any = transformers.AutoModelForCausalLM.from_pretrained(source, **loading)
-            if "adapter" in options:
-                import peft
-
-                model = peft.PeftModel.from_pretrained(model, options["adapter"])
-        except ImportError as error:
-            raise BadPlannerSpec(
-                f"planner hf:{argument} needs a package: {' '.join(str(error).split())[:200]}"
-            ) from error
-        except (OSError, ValueError) as error:
-            raise ModelError(f"hf:{source} cannot be loaded: {' '.join(str(error).split())[:300]}") from error
+        tokenizer, model = load_local(source, **loading)
+        if "adapter" in options:
+            model = _adapted(model, options["adapter"])
         if not tokenizer.chat_template:
             raise BadPlannerSpec(f"planner hf:{source}: the model has no chat template; take its instruction-tuned one")
-        if tokenizer.pad_token_id is None:
-            tokenizer.pad_token = tokenizer.eos_token
         if "quantize" not in options:
             model = model.to("cuda" if cuda else "cpu")
         self._torch, self._tokenizer, self._model = torch, tokenizer, model.eval()
@@ -91,6 +80,10 @@ class HfModel:
         Raises:
             ModelError: a prompt does not fit the model's context.
         """
+        with self._turn:
+            return self._complete(prompts)
+
+    def _complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         texts = [self.render(prompt) for prompt in prompts]
         lengths = [len(self._tokenizer(t, add_special_tokens=False)["input_ids"]) for t in texts]
         for prompt, length in zip(prompts, lengths, strict=True):
@@ -101,11 +94,10 @@ class HfModel:
                 )
         order = sorted(range(len(texts)), key=lambda i: (lengths[i], i))
         done: dict[int, Completion] = {}
-        with self._turn:
-            for start in range(0, len(order), self._batch):
-                chosen = order[start : start + self._batch]
-                for index, completion in zip(chosen, self._generate([texts[i] for i in chosen]), strict=True):
-                    done[index] = completion
+        for start in range(0, len(order), self._batch):
+            chosen = order[start : start + self._batch]
+            for index, completion in zip(chosen, self._generate([texts[i] for i in chosen]), strict=True):
+                done[index] = completion
         return [done[i] for i in range(len(texts))]
 
     def render(self, prompt: Prompt) -> str:
@@ -151,6 +143,23 @@ class HfModel:
         ends = {end} if isinstance(end, int) else set(end or ())
         stop = next((i for i, token in enumerate(answer) if token in ends), len(answer) - 1)
         return stop + 1
+
+
+def _adapted(model: Any, adapter: str) -> Any:
+    """Return a model with a peft adapter.
+
+    Raises:
+        BadPlannerSpec: the package peft is missing.
+        ModelError: there is no such adapter.
+    """
+    try:
+        import peft
+
+        return peft.PeftModel.from_pretrained(model, adapter)
+    except ImportError as error:
+        raise BadPlannerSpec("an adapter needs peft: pip install 'gavel-env[llm]'") from error
+    except (OSError, ValueError) as error:
+        raise ModelError(f"adapter {adapter} cannot be loaded: {' '.join(str(error).split())[:300]}") from error
 
 
 def _options(argument: str) -> tuple[str, dict[str, str]]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt
-from gavel_agents.llm.grammar import plan_schema
+from gavel_agents.llm.grammar import json_schema, plan_schema
 from gavel_agents.llm.hosted import MalformedAnswer, Retries, complete_all, endpoint_of, key_of, retried
 
 __all__ = ["OpenAIModel"]
@@ -60,8 +60,7 @@ class OpenAIModel:
         self._format: dict[str, Any] = {}
         if bare != argument:
             decoding["constrained"] = 1
-            schema = {"name": "plans", "schema": plan_schema()}
-            self._format = {"response_format": {"type": "json_schema", "json_schema": schema}}
+            self._format = json_schema(plan_schema())
         self._sent = {name: value for name, value in decoding.items() if name != "constrained"}
         self.decoding: Mapping[str, str | float | int] = decoding
         self._sdk, self._endpoint, self._sleep = openai, endpoint, sleep
@@ -97,7 +96,8 @@ class OpenAIModel:
     def _request(self, prompt: Prompt) -> Completion:
         start = time.perf_counter()
         messages = [{"role": m.role, "content": m.content} for m in prompt.messages]
-        answer = self._create(model=self._endpoint.model, messages=messages, **self._sent, **self._format)
+        held = self._format if prompt.schema is None else json_schema(prompt.schema)
+        answer = self._create(model=self._endpoint.model, messages=messages, **self._sent, **held)
         choices = getattr(answer, "choices", None)
         message = getattr(choices[0], "message", None) if isinstance(choices, list) and choices else None
         text = getattr(message, "content", None)

@@ -13,6 +13,7 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -55,9 +56,15 @@ class Recorded(msgspec.Struct, frozen=True):
     seconds: float
 
 
-def completion_key(model: str, decoding: Mapping[str, str | float | int], messages: Sequence[Message]) -> str:
-    """Return the SHA-256 (32 hexadecimal digits) of model, decoding and conversation."""
-    content = msgspec.json.encode([model, dict(sorted(decoding.items())), messages], order="sorted")
+def completion_key(
+    model: str,
+    decoding: Mapping[str, str | float | int],
+    messages: Sequence[Message],
+    schema: Mapping[str, Any] | None = None,
+) -> str:
+    """Return the SHA-256 (32 hexadecimal digits) of model, decoding, conversation and, if there is one, schema."""
+    asked = [model, dict(sorted(decoding.items())), messages, *(() if schema is None else (schema,))]
+    content = msgspec.json.encode(asked, order="sorted")
     return hashlib.sha256(content).hexdigest()[:32]
 
 
@@ -126,7 +133,7 @@ class ReplayModel:
         return [self._answer(p) for p in prompts]
 
     def _answer(self, prompt: Prompt) -> Completion:
-        key = completion_key(self.name, self.decoding, prompt.messages)
+        key = completion_key(self.name, self.decoding, prompt.messages, prompt.schema)
         recorded = self._completions.get(key)
         if recorded is None:
             raise NotRecorded(
@@ -152,7 +159,7 @@ class RecordingModel:
 
     def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         """Return one completion per prompt; new ones are on disk before this returns."""
-        keys = [completion_key(self.name, self.decoding, p.messages) for p in prompts]
+        keys = [completion_key(self.name, self.decoding, p.messages, p.schema) for p in prompts]
         missing = {key: prompt for key, prompt in zip(keys, prompts, strict=True) if key not in self._known}
         answers = self._model.complete(list(missing.values())) if missing else []
         for (key, prompt), answer in zip(missing.items(), answers, strict=True):

@@ -3,14 +3,24 @@
 Every method of the comparison shares the same implementation, so that what is compared is planning.
 """
 
-from gavel_agents.understanding.base import Decomposition, TaskUnderstanding, Understanding
+from gavel_agents.understanding.base import (
+    Abstention,
+    BatchedUnderstanding,
+    Decomposition,
+    TaskUnderstanding,
+    Understanding,
+)
+from gavel_agents.understanding.model import ModelUnderstanding
 from gavel_agents.understanding.reference import ReferenceUnderstanding
 from gavel_agents.understanding.rules import RulesUnderstanding
 from gavel_agents.understanding.table import UNDERSTANDINGS, UnknownUnderstanding, load_understanding
 
 __all__ = [
     "UNDERSTANDINGS",
+    "Abstention",
+    "BatchedUnderstanding",
     "Decomposition",
+    "ModelUnderstanding",
     "ReferenceUnderstanding",
     "RulesUnderstanding",
     "TaskUnderstanding",

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
 
 import msgspec
 
+from gavel_agents.llm.base import Completion
+from gavel_env.errors import GavelError
 from gavel_env.goals import Designator, Goal, Literal
 
-__all__ = ["Decomposition", "TaskUnderstanding", "Understanding"]
+__all__ = ["Abstention", "BatchedUnderstanding", "Decomposition", "TaskUnderstanding", "Understanding"]
+
+
+class Abstention(GavelError):
+    """A text is not understood; the message is the typed reason, `kind: detail`."""
+
+    def __init__(self, kind: str, detail: str) -> None:
+        self.kind = kind
+        super().__init__(f"{kind}: {detail}")
 
 
 class TaskUnderstanding(msgspec.Struct, frozen=True):
@@ -33,10 +44,12 @@ class Decomposition(msgspec.Struct, frozen=True):
     Attributes:
         tasks: in the order written.
         refused: empty, or the typed reason of the abstention (`unknown_word: frobnicator`).
+        asked: what a language model was asked for it and took for it; None without one.
     """
 
     tasks: tuple[TaskUnderstanding, ...]
     refused: str = ""
+    asked: Completion | None = None
 
 
 class Understanding(Protocol):
@@ -46,4 +59,13 @@ class Understanding(Protocol):
 
     def understand(self, text: str, instruction_id: str = "") -> Decomposition:
         """Return the tasks of an instruction's text; the id is for implementations that look answers up."""
+        ...
+
+
+@runtime_checkable
+class BatchedUnderstanding(Understanding, Protocol):
+    """An understanding that is faster with many texts at once."""
+
+    def understand_all(self, texts: Sequence[str], ids: Sequence[str]) -> list[Decomposition]:
+        """Return the tasks of every text, in order."""
         ...

@@ -2,35 +2,72 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import json
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
 
+from gavel_agents.llm import ChatModel, load_model
+from gavel_agents.understanding.answer import ANSWER_SCHEMA
 from gavel_agents.understanding.base import Understanding
+from gavel_agents.understanding.chat import chat_prompt
+from gavel_agents.understanding.model import ModelUnderstanding, adapter_prompt
 from gavel_agents.understanding.reference import ReferenceUnderstanding
 from gavel_agents.understanding.rules import RulesUnderstanding
-from gavel_env.errors import GavelError, nearest_names
+from gavel_env.errors import DataError, GavelError, nearest_names
 from gavel_env.instructions import Instruction
 
-__all__ = ["UNDERSTANDINGS", "UnknownUnderstanding", "load_understanding"]
+__all__ = ["SHIPPED_ADAPTER", "UNDERSTANDINGS", "UnknownUnderstanding", "load_understanding"]
+
+UNDERSTANDINGS = ("reference", "rules", "adapter", "llm")
+"""Names; `adapter:FOLDER` is an adapter of one's own (`python -m gavel_agents.understanding.train`)."""
+
+SHIPPED_ADAPTER = Path(__file__).parent / "adapter"
+
+_MOST_TOKENS = 500  # of an answer; five tasks take about 250
 
 
 class UnknownUnderstanding(GavelError):
-    """No task understanding of this name is there."""
+    """No task understanding of this name is there, or it lacks what it needs."""
 
 
-UNDERSTANDINGS: Mapping[str, Callable[[Iterable[Instruction]], Understanding]] = {
-    "reference": ReferenceUnderstanding,
-    "rules": lambda _instructions: RulesUnderstanding(),
-}
-"""Name -> how it is made for the instructions of a run, which only the reference looks into."""
-
-
-def load_understanding(name: str, instructions: Iterable[Instruction] = ()) -> Understanding:
+def load_understanding(
+    name: str, instructions: Iterable[Instruction] = (), model: ChatModel | None = None
+) -> Understanding:
     """Return an understanding by name.
 
+    Args:
+        name: one of `UNDERSTANDINGS`, or `adapter:FOLDER`.
+        instructions: of the run; only the reference looks into them.
+        model: the chat model that `llm` asks.
+
     Raises:
-        UnknownUnderstanding: with the alternatives.
+        UnknownUnderstanding: with the alternatives, or what is missing.
+        BadPlannerSpec: packages of an adapter are missing.
+        ModelError: an adapter or its base cannot be loaded.
+        DataError: a folder holds no adapter.
     """
-    if name not in UNDERSTANDINGS:
-        near = nearest_names(name, UNDERSTANDINGS) or tuple(UNDERSTANDINGS)
-        raise UnknownUnderstanding(f"unknown understanding {name!r}; known: {', '.join(near)}")
-    return UNDERSTANDINGS[name](instructions)
+    kind, _, folder = name.partition(":")
+    if name == "reference":
+        return ReferenceUnderstanding(instructions)
+    if name == "rules":
+        return RulesUnderstanding()
+    if kind == "adapter":
+        return _adapter(name, Path(folder) if folder else SHIPPED_ADAPTER)
+    if name == "llm":
+        if model is None:
+            raise UnknownUnderstanding("understanding 'llm' asks the planner's model, and there is none: add --planner")
+        return ModelUnderstanding(name, model, chat_prompt, ANSWER_SCHEMA)
+    near = nearest_names(name, UNDERSTANDINGS) or UNDERSTANDINGS
+    raise UnknownUnderstanding(f"unknown understanding {name!r}; known: {', '.join(near)}")
+
+
+@cache
+def _adapter(name: str, folder: Path) -> ModelUnderstanding:
+    """Return the understanding of an adapter, loaded once a process; its base is the one it was trained on."""
+    try:
+        base = json.loads((folder / "adapter_config.json").read_bytes())["base_model_name_or_path"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise DataError(f"{folder} holds no adapter_config.json that names a base model: {error}") from error
+    model = load_model(f"hf:{base}?adapter={folder}&batch=16&max_tokens={_MOST_TOKENS}")
+    return ModelUnderstanding(name, model, adapter_prompt)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from gavel_agents.understanding.base import Abstention
 from gavel_agents.understanding.rules.elements import Element, Entity, Frame, Phrase, Pronoun, Room, There
-from gavel_agents.understanding.rules.lexer import Abstention
 from gavel_agents.understanding.rules.places import Relation, destination, stated_location
 from gavel_env.goals import Designator, Literal
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from gavel_agents.understanding.base import Abstention
 from gavel_agents.understanding.rules.elements import (
     Cycle,
     Element,
@@ -16,7 +17,7 @@ from gavel_agents.understanding.rules.elements import (
     Separator,
     There,
 )
-from gavel_agents.understanding.rules.lexer import Abstention, Token
+from gavel_agents.understanding.rules.lexer import Token
 from gavel_agents.understanding.rules.words import Kind
 
 __all__ = ["frames_of"]

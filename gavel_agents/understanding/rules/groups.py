@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from gavel_agents.understanding.base import Abstention
 from gavel_agents.understanding.rules.discourse import Act, Discourse, movables, said
 from gavel_agents.understanding.rules.elements import Entity, Phrase, Pronoun
-from gavel_agents.understanding.rules.lexer import Abstention
 from gavel_agents.understanding.rules.verb_words import verb_forms
 
 __all__ = ["Group", "grouped", "locate", "locates", "place"]

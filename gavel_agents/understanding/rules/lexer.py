@@ -9,24 +9,17 @@ from functools import cache
 from itertools import pairwise
 from typing import NamedTuple
 
+from gavel_agents.understanding.base import Abstention
 from gavel_agents.understanding.rules.nouns import IRREGULAR_PLURALS, ROOM_SYNONYMS, SYNONYMS, VAGUE
 from gavel_agents.understanding.rules.words import CHAT_STARTS, Kind, closed_words
-from gavel_env.errors import GavelError, nearest_names
+from gavel_env.errors import nearest_names
 from gavel_env.ontology import default_ontology
 from gavel_env.tasks.vocabulary import default_vocabulary
 
-__all__ = ["Abstention", "Spoken", "Token", "known_nouns", "sentences_of", "words_of"]
+__all__ = ["Spoken", "Token", "known_nouns", "plurals", "sentences_of", "words_of"]
 
 _MOST_CHARACTERS = 4000
 _LONGEST_PHRASE = 9
-
-
-class Abstention(GavelError):
-    """The rules do not understand a text; the message is the typed reason, `kind: detail`."""
-
-    def __init__(self, kind: str, detail: str) -> None:
-        self.kind = kind
-        super().__init__(f"{kind}: {detail}")
 
 
 class Token(NamedTuple):
@@ -71,7 +64,7 @@ def _plain(text: str) -> str:
     return re.sub(r"(?<=\w)-(?=\w)", " ", text)
 
 
-def _plurals(noun: str) -> Iterator[str]:
+def plurals(noun: str) -> Iterator[str]:
     """Yield plurals of a noun; of `bottle of milk`, `bottles of milk`."""
     head, of, rest = noun.partition(" of ")
     before, _, last = head.rpartition(" ")
@@ -101,7 +94,7 @@ def known_nouns() -> Mapping[tuple[str, ...], tuple[Kind, str]]:
     table: dict[tuple[str, ...], tuple[Kind, str]] = {}
 
     def add(noun: str, kind: Kind, value: str, *, plural: bool = True) -> None:
-        for form in (noun, *(_plurals(noun) if plural else ())):
+        for form in (noun, *(plurals(noun) if plural else ())):
             table.setdefault(words_of(form), (kind, value))
 
     for group in (vocabulary.movables, vocabulary.furniture):

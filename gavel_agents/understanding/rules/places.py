@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from gavel_agents.understanding.base import Abstention
 from gavel_agents.understanding.rules.elements import Entity, Room
-from gavel_agents.understanding.rules.lexer import Abstention
 from gavel_env.goals import Predicate
 from gavel_env.ontology import default_ontology
 

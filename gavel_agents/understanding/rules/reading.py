@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import zip_longest
 
-from gavel_agents.understanding.base import Decomposition, TaskUnderstanding
+from gavel_agents.understanding.base import Abstention, Decomposition, TaskUnderstanding
+from gavel_agents.understanding.checks import check_possible
 from gavel_agents.understanding.rules.discourse import Discourse
 from gavel_agents.understanding.rules.frames import frames_of
-from gavel_agents.understanding.rules.lexer import Abstention, sentences_of
+from gavel_agents.understanding.rules.lexer import sentences_of
 from gavel_agents.understanding.rules.tasks import Sentence, split_tasks
 from gavel_agents.understanding.rules.verbs import read_frame
-from gavel_env.goals import Designator, Literal, Predicate
 from gavel_env.ontology import default_ontology
 
 __all__ = ["RulesUnderstanding"]
@@ -47,8 +47,8 @@ def _tasks(text: str) -> tuple[TaskUnderstanding, ...]:
     if not tasks:
         raise Abstention("no_goal", "nothing is asked for")
     _check_complete(tasks)
-    _check_possible([literal for task in tasks for literal in task.relations], "is said to be")
-    _check_possible([literal for task in tasks for literal in task.goal.literals], "shall be")
+    check_possible([literal for task in tasks for literal in task.relations], "is said to be")
+    check_possible([literal for task in tasks for literal in task.goal.literals], "shall be")
     return tasks
 
 
@@ -59,19 +59,3 @@ def _check_complete(tasks: Iterable[TaskUnderstanding]) -> None:
         for designator in task.objects:
             if default_ontology()[designator.name].graspable and designator not in used:
                 raise Abstention("unparsed", f"nothing is asked for with {designator.name.replace('_', ' ')!r}")
-
-
-def _check_possible(literals: Iterable[Literal], verb: str) -> None:
-    """Refuse what cannot be: one thing in two places, or things that hold each other."""
-    holders: dict[Designator, Designator] = {}
-    for predicate, subject, target, _ in literals:
-        if predicate not in (Predicate.ON_TOP, Predicate.INSIDE) or target is None:
-            continue
-        if holders.setdefault(subject, target) != target:
-            raise Abstention("contradiction", f"{subject} {verb} both at {holders[subject]} and at {target}")
-    for subject in holders:
-        above, steps = holders.get(subject), 0
-        while above is not None and above != subject and steps <= len(holders):
-            above, steps = holders.get(above), steps + 1
-        if above == subject:
-            raise Abstention("contradiction", f"{subject} {verb} in or on itself")

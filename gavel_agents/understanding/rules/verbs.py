@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from gavel_agents.understanding.base import Abstention
 from gavel_agents.understanding.rules.appliances import about_doors, door, process, run, switched, use
 from gavel_agents.understanding.rules.discourse import Act, Discourse, movables, said
 from gavel_agents.understanding.rules.elements import Cycle, Entity, Frame, Part, Phrase, Pronoun, Room, There
 from gavel_agents.understanding.rules.groups import Group, grouped, locate, place
-from gavel_agents.understanding.rules.lexer import Abstention
 from gavel_agents.understanding.rules.verb_words import verb_forms
 
 __all__ = ["read_frame"]

@@ -1,0 +1,108 @@
+"""What a text can be speaking of: the categories and rooms that any of its phrases may mean.
+
+A model's understanding is held to this: what it names must be in the text. Phrases are the nouns of the vocabulary and
+of the rules, with their plurals; unlike in the rules, a phrase may have several meanings and phrases may overlap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import cache
+from typing import NamedTuple
+
+from gavel_agents.understanding.base import Abstention
+from gavel_agents.understanding.rules.lexer import plurals, words_of
+from gavel_agents.understanding.rules.nouns import ROOM_SYNONYMS, SYNONYMS, VAGUE
+from gavel_env.errors import nearest_names
+from gavel_env.goals import Designator
+from gavel_env.ontology import default_ontology
+from gavel_env.tasks.vocabulary import default_vocabulary
+
+__all__ = ["Mentions"]
+
+_LONGEST_PHRASE = 9
+
+
+class _Meaning(NamedTuple):
+    """Categories and room types that a phrase may mean."""
+
+    categories: frozenset[str] = frozenset()
+    rooms: frozenset[str] = frozenset()
+
+    def __or__(self, other: _Meaning) -> _Meaning:
+        return _Meaning(self.categories | other.categories, self.rooms | other.rooms)
+
+
+@cache
+def _meanings() -> Mapping[tuple[str, ...], _Meaning]:
+    vocabulary = default_vocabulary()
+    table: dict[tuple[str, ...], _Meaning] = {}
+
+    def add(phrases: Iterable[str], meaning: _Meaning) -> None:
+        for phrase in phrases:
+            for form in (phrase, *plurals(phrase)):
+                words = words_of(form)
+                table[words] = table.get(words, _Meaning()) | meaning
+
+    for category in default_ontology():
+        nouns = (*vocabulary.nouns(category), category.replace("_", " "))
+        add((noun.lower() for noun in nouns), _Meaning(categories=frozenset({category})))
+    for noun, category in SYNONYMS.items():
+        add((noun,), _Meaning(categories=frozenset({category})))
+    for noun, categories in VAGUE.items():
+        add((noun,), _Meaning(categories=frozenset(categories)))
+    for room, nouns in vocabulary.rooms.items():
+        add((*nouns, room.replace("_", " ")), _Meaning(rooms=frozenset({room})))
+    for noun, room in ROOM_SYNONYMS.items():
+        add((noun,), _Meaning(rooms=frozenset({room})))
+    return table
+
+
+class Mentions:
+    """The categories and room types that one text may speak of."""
+
+    def __init__(self, text: str) -> None:
+        words = [word.removesuffix("'s").removesuffix("'") for word in words_of(text)]
+        raw = words_of(text)
+        found = _Meaning()
+        for forms in (words, raw):
+            for start in range(len(forms)):
+                for end in range(start + 1, min(start + _LONGEST_PHRASE, len(forms)) + 1):
+                    meaning = _meanings().get(tuple(forms[start:end]))
+                    found = found if meaning is None else found | meaning
+        self._categories, self._rooms = found
+
+    def designator(self, written: str) -> Designator:
+        """Return what a written name designates: `fridge`, `lower cabinet`, `bed@bedroom`.
+
+        Raises:
+            Abstention: `unknown_name`, `ambiguous` or `not_in_text`.
+        """
+        name, at, room = written.partition("@")
+        category = self._resolve(name, default_ontology(), 0)
+        return Designator(category, self.room(room) if at else None)
+
+    def room(self, written: str) -> str:
+        """Return the type of a room by its type or a noun for it.
+
+        Raises:
+            Abstention: as `designator`.
+        """
+        return self._resolve(written, default_vocabulary().rooms, 1)
+
+    def _resolve(self, written: str, known: Iterable[str], part: int) -> str:
+        mentioned = (self._categories, self._rooms)[part]
+        name = written.strip().lower().replace(" ", "_")
+        if name in known:
+            meant = frozenset({name})
+        else:
+            meant = _meanings().get(words_of(written.replace("_", " ")), _Meaning())[part]
+            if not meant:
+                near = nearest_names(name[:60], list(known), 1)
+                raise Abstention("unknown_name", f"{written[:60]!r}" + (f" (near: {near[0]!r})" if near else ""))
+        spoken_of = sorted(meant & mentioned)
+        if not spoken_of:
+            raise Abstention("not_in_text", f"the text speaks of no {written[:60]!r}")
+        if len(spoken_of) > 1:
+            raise Abstention("ambiguous", f"{written[:60]!r} may be any of {', '.join(spoken_of)}")
+        return spoken_of[0]
