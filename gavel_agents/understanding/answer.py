@@ -18,7 +18,7 @@ from typing import Any
 import msgspec
 
 from gavel_agents.understanding.base import Abstention, Decomposition, TaskUnderstanding
-from gavel_agents.understanding.checks import check_possible
+from gavel_agents.understanding.checks import check_capable, check_possible
 from gavel_agents.understanding.mentions import Mentions
 from gavel_agents.understanding.pairs import Target
 from gavel_env.errors import MalformedGoal
@@ -27,6 +27,7 @@ from gavel_env.goals import Designator, Goal, Literal, Predicate, parse_literal
 __all__ = ["ANSWER_SCHEMA", "read_answer", "write_answer"]
 
 _START_WORDS = 3
+_LOCATIONS = (Predicate.ON_TOP, Predicate.INSIDE, Predicate.IN_ROOM)
 _LITERAL = r"^(not )?[a-z_]+\([^(),]+(, [^(),]+)?\)$"
 _LITERALS: Mapping[str, Any] = {"type": "array", "items": {"type": "string", "pattern": _LITERAL}, "maxItems": 20}
 
@@ -96,19 +97,26 @@ def read_answer(answer: str, text: str) -> Decomposition:
     """Return the tasks that an answer says a text has.
 
     Raises:
-        Abstention: `malformed`, `no_goal`, `unknown_name`, `not_in_text`, `contradiction`; with what and where.
+        Abstention: `malformed`, `no_goal`, `unknown_name`, `ambiguous`, `not_in_text`, `contradiction` or what is
+            impossible (`cannot_hold`, ...); with what and where.
     """
     try:
         said = msgspec.json.decode(_outermost(answer), type=_Answer)
     except (msgspec.DecodeError, UnicodeEncodeError) as error:
         raise Abstention("malformed", f"{error} in {answer[:80]!r}") from error
+    if not said.tasks:
+        raise Abstention("no_goal", "nothing is asked for")
     mentions = Mentions(text)
     texts = _texts(text, [task.start for task in said.tasks])
     tasks = tuple(_task(task, own, mentions) for task, own in zip(said.tasks, texts, strict=True))
-    if not tasks:
-        raise Abstention("no_goal", "nothing is asked for")
-    check_possible([literal for task in tasks for literal in task.relations], "is said to be")
-    check_possible([literal for task in tasks for literal in task.goal.literals], "shall be")
+    stated = [literal for task in tasks for literal in task.relations]
+    asked = [literal for task in tasks for literal in task.goal.literals]
+    for literal in stated:
+        if literal.negated or literal.predicate not in _LOCATIONS:
+            raise Abstention("malformed", f"{literal} is no location")
+    check_capable([*stated, *asked])
+    check_possible(stated, "is said to be")
+    check_possible(asked, "shall be")
     return Decomposition(tasks)
 
 

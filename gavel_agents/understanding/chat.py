@@ -21,38 +21,38 @@ Write names as the text says them, in lower case with _ for spaces; add @room to
 
 EXAMPLES: tuple[tuple[str, object], ...] = (
     (
-        "Get the pie out of the fridge, warm it up in the microwave and leave it on the breakfast table in the dining room. Then switch on the radio.",
+        "Get the pizza out of the fridge, warm it up in the microwave and leave it on the breakfast table in the dining room. Then switch on the radio.",
         [
             {
-                "start": "Get the pie",
-                "relations": ["inside(pie, fridge)"],
+                "start": "Get the pizza",
+                "relations": ["inside(pizza, fridge)"],
                 "objects": ["microwave"],
-                "goal": ["cooked(pie)", "on_top(pie, breakfast_table@dining_room)"],
+                "goal": ["cooked(pizza)", "on_top(pizza, breakfast_table@dining_room)"],
             },
             {"start": "switch on the", "relations": [], "objects": [], "goal": ["toggled(radio)"]},
         ],
     ),
     (
-        "Put the mug and the plate from the living room into the kitchen cabinet.",
+        "Put the mug and the plate from the living room into the wall cabinet in the kitchen.",
         [
             {
                 "start": "Put the mug",
                 "relations": ["in_room(plate, living_room)"],
                 "objects": [],
-                "goal": ["inside(mug, cabinet@kitchen)", "inside(plate, cabinet@kitchen)"],
+                "goal": ["inside(mug, wall_cabinet@kitchen)", "inside(plate, wall_cabinet@kitchen)"],
             }
         ],
     ),
     (
-        "The towel is on the bed; I want it washed in the washer in the utility room. Please bring the teddy to the sofa as well.",
+        "The bath towel is on the bed; I want it washed in the washer in the utility room. Please bring the teddy bear to the sofa as well.",
         [
             {
-                "start": "The towel is",
-                "relations": ["on_top(towel, bed)"],
+                "start": "The bath towel",
+                "relations": ["on_top(bath_towel, bed)"],
                 "objects": ["washer@utility_room"],
-                "goal": ["washed(towel)"],
+                "goal": ["washed(bath_towel)"],
             },
-            {"start": "bring the teddy", "relations": [], "objects": [], "goal": ["on_top(teddy, sofa)"]},
+            {"start": "bring the teddy", "relations": [], "objects": [], "goal": ["on_top(teddy_bear, sofa)"]},
         ],
     ),
 )

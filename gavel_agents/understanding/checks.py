@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 from gavel_agents.understanding.base import Abstention
 from gavel_env.goals import Designator, Literal, Predicate
+from gavel_env.ontology import Category, default_ontology
 
-__all__ = ["check_possible"]
+__all__ = ["check_capable", "check_possible"]
 
 
 def check_possible(literals: Iterable[Literal], verb: str) -> None:
@@ -32,3 +33,29 @@ def check_possible(literals: Iterable[Literal], verb: str) -> None:
             above, steps = holders.get(above), steps + 1
         if above == subject:
             raise Abstention("contradiction", f"{subject} {verb} in or on itself")
+
+
+_NEEDS: Mapping[Predicate, tuple[str, Callable[[Category], bool]]] = {
+    Predicate.ON_TOP: ("cannot_hold", lambda holder: holder.surface),
+    Predicate.INSIDE: ("cannot_hold", lambda holder: holder.interior),
+    Predicate.TOGGLED: ("cannot_switch", lambda switched: switched.toggleable),
+    Predicate.OPEN: ("cannot_open", lambda opened: opened.openable),
+    Predicate.COOKED: ("cannot_process", lambda food: food.cookable),
+}
+
+
+def check_capable(literals: Iterable[Literal]) -> None:
+    """Refuse what a thing's kind rules out: on top of what has no surface, switched on without a switch.
+
+    Raises:
+        Abstention: `cannot_hold`, `cannot_switch`, `cannot_open`, `cannot_process`, `cannot_move`.
+    """
+    ontology = default_ontology()
+    for literal in literals:
+        if literal.predicate in _NEEDS:
+            reason, able = _NEEDS[literal.predicate]
+            thing = literal.object or literal.subject
+            if not able(ontology[thing.name]):
+                raise Abstention(reason, f"{thing} in {literal}")
+        if literal.object is not None and not ontology[literal.subject.name].liftable:
+            raise Abstention("cannot_move", f"{literal.subject} in {literal}")

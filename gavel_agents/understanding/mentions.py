@@ -62,14 +62,20 @@ class Mentions:
     """The categories and room types that one text may speak of."""
 
     def __init__(self, text: str) -> None:
-        words = [word.removesuffix("'s").removesuffix("'") for word in words_of(text)]
-        raw = words_of(text)
+        spoken = words_of(text)
+        bare = tuple(word.removesuffix("'s").removesuffix("'") for word in spoken)
+        spans = {
+            (start, end, words[start:end])
+            for words in (spoken, bare)
+            for start in range(len(words))
+            for end in range(start + 1, min(start + _LONGEST_PHRASE, len(words)) + 1)
+            if words[start:end] in _meanings()
+        }
         found = _Meaning()
-        for forms in (words, raw):
-            for start in range(len(forms)):
-                for end in range(start + 1, min(start + _LONGEST_PHRASE, len(forms)) + 1):
-                    meaning = _meanings().get(tuple(forms[start:end]))
-                    found = found if meaning is None else found | meaning
+        for start, end, phrase in spans:
+            within = any(a <= start and end <= b and b - a > end - start for a, b, _ in spans)
+            if not (within and " ".join(phrase) in VAGUE):  # the table of "coffee table" is no other table
+                found |= _meanings()[phrase]
         self._categories, self._rooms = found
 
     def designator(self, written: str) -> Designator:
