@@ -29,7 +29,7 @@ TEMPLATE = (
 )
 
 
-def tiny_model(folder: Path, *, template: str | None = TEMPLATE) -> Path:
+def tiny_model(folder: Path, *, template: str | None = TEMPLATE, context: int = 256) -> Path:
     """Save a random two-layer model with a tokenizer of single characters."""
     from tokenizers import Regex, Tokenizer, models, pre_tokenizers
 
@@ -49,7 +49,7 @@ def tiny_model(folder: Path, *, template: str | None = TEMPLATE) -> Path:
         num_hidden_layers=2,
         num_attention_heads=4,
         num_key_value_heads=2,
-        max_position_embeddings=256,
+        max_position_embeddings=context,
         bos_token_id=None,
         eos_token_id=1,
         pad_token_id=0,
