@@ -111,6 +111,21 @@ def test_constrained_answers_are_plans_whatever_is_asked() -> None:
     assert parse_plans("\n".join(whole)).dropped == ()
 
 
+SCHEMA = {
+    "type": "object",
+    "properties": {"room": {"enum": ["kitchen", "bedroom"]}},
+    "required": ["room"],
+    "additionalProperties": False,
+}
+
+
+def test_a_prompt_with_a_schema_is_answered_in_its_form(server: TinyServer) -> None:
+    asking = Prompt(POEM.messages, schema=SCHEMA)
+    for answering in (GgufModel(str(MODEL), max_tokens=96), asked(server, 96)):
+        [answer] = answering.complete([asking])
+        assert json.loads(answer.text)["room"] in ("kitchen", "bedroom")
+
+
 def test_what_is_no_model_is_said(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"no GGUF model at .*nowhere\.gguf"):
         load_model(f"gguf:{tmp_path / 'nowhere.gguf'}")

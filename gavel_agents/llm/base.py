@@ -5,12 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any, Literal, Protocol
+from urllib.parse import parse_qsl
 
 import msgspec
 
 from gavel_env.errors import GavelError, nearest_names
 
-__all__ = ["BadPlannerSpec", "ChatModel", "Completion", "Message", "Prompt", "load_model", "model_kinds"]
+__all__ = [
+    "BadPlannerSpec",
+    "ChatModel",
+    "Completion",
+    "Message",
+    "Prompt",
+    "load_model",
+    "model_kinds",
+    "spec_options",
+]
 
 
 class BadPlannerSpec(GavelError):
@@ -94,3 +104,39 @@ def load_model(spec: str) -> ChatModel:
     module, name = _KINDS[kind]
     model: ChatModel = getattr(import_module(module), name)(argument)
     return model
+
+
+def spec_options(
+    kind: str,
+    argument: str,
+    *,
+    numbers: Sequence[str] = (),
+    flags: Sequence[str] = (),
+    words: Mapping[str, Sequence[str]] | None = None,
+) -> tuple[str, dict[str, str]]:
+    """Read `SOURCE?option=value&flag`; return source and options.
+
+    Args:
+        kind: of the planner, for errors.
+        argument: what stands behind the kind.
+        numbers: options that take a whole number above 0.
+        flags: options without a value.
+        words: other options -> the values that they take, or none for any.
+
+    Raises:
+        BadPlannerSpec: an option or value that is not known.
+    """
+    source, _, query = argument.partition("?")
+    options = dict(parse_qsl(query, keep_blank_values=True))
+    words = words or {}
+    for name, value in options.items():
+        if name not in (*numbers, *flags, *words):
+            known = ", ".join((*numbers, *flags, *words))
+            raise BadPlannerSpec(f"unknown option {name!r} in {kind}:{argument}; known: {known}")
+        if name in numbers and not (value.isdecimal() and int(value) > 0):
+            raise BadPlannerSpec(f"{kind}:{argument}: {name} is {value!r}, no whole number above 0")
+        if name in flags and value:
+            raise BadPlannerSpec(f"{kind}:{argument}: {name} takes no value")
+        if name in words and words[name] and value not in words[name]:
+            raise BadPlannerSpec(f"{kind}:{argument}: {name} is {value!r}; known: {', '.join(words[name])}")
+    return source, options

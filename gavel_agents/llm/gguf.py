@@ -1,4 +1,4 @@
-"""Local GGUF models through llama.cpp (`gguf:PATH[?constrained]`; PyPI package xllamacpp, no compiler needed).
+"""Local GGUF models through llama.cpp (`gguf:PATH[?constrained&threads=N&slots=N]`; PyPI package xllamacpp).
 
 Slots run in parallel, and the prefix that prompts share is kept between calls. Decoding is greedy by default.
 """
@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt
+from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt, spec_options
 from gavel_agents.llm.grammar import json_schema, plan_gbnf
 from gavel_env.errors import DataError
 
@@ -29,16 +29,19 @@ class GgufModel:
         """Load the model.
 
         Args:
-            path: the GGUF file; with `?constrained` behind it, answers are held to the grammar of plans.
+            path: the GGUF file, and behind it options: `?constrained` holds answers to the grammar of plans;
+                `threads=N` (default: all cores) and `slots=N` (prompts at the same time, default 2) say how it runs.
             max_tokens: new tokens at most; a plan of 17 steps takes about 140.
             temperature: 0 = greedy.
             seed: of the sampler, when the temperature is not 0.
 
         Raises:
             DataError: there is no such file, or it holds no model.
-            BadPlannerSpec: the package xllamacpp is not installed.
+            BadPlannerSpec: an unknown option, or the package xllamacpp is not installed.
         """
-        path, constrained, _ = path.partition("?constrained")
+        path, options = spec_options("gguf", path, numbers=("threads", "slots"), flags=("constrained",))
+        constrained = "constrained" in options
+        self._slots = int(options.get("slots", _SLOTS))
         if not Path(path).is_file():
             raise DataError(f"no GGUF model at {path}")
         try:
@@ -55,8 +58,10 @@ class GgufModel:
         self._grammar = {"grammar": plan_gbnf()} if constrained else {}
         parameters: Any = xllamacpp.CommonParams()
         parameters.model.path = path
-        parameters.n_ctx = _SLOTS * _TOKENS_PER_SLOT
-        parameters.n_parallel = _SLOTS
+        parameters.n_ctx = self._slots * _TOKENS_PER_SLOT
+        parameters.n_parallel = self._slots
+        if "threads" in options:
+            parameters.cpuparams.n_threads = parameters.cpuparams_batch.n_threads = int(options["threads"])
         parameters.verbosity = 0
         try:
             self._server: Any = xllamacpp.Server(parameters)
@@ -65,7 +70,7 @@ class GgufModel:
 
     def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         """Return one completion per prompt; as many run at once as there are slots."""
-        with ThreadPoolExecutor(max_workers=_SLOTS) as pool:
+        with ThreadPoolExecutor(max_workers=self._slots) as pool:
             return list(pool.map(self._complete_one, prompts))
 
     def _complete_one(self, prompt: Prompt) -> Completion:

@@ -12,15 +12,13 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qsl
 
-from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt
+from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt, spec_options
 from gavel_agents.llm.hosted import ModelError
 from gavel_agents.llm.local import load_local
 
 __all__ = ["HfModel", "without_thinking"]
 
-_OPTIONS = ("adapter", "quantize", "batch", "max_tokens")
 _THINKING = re.compile(r"<(think|thinking|reasoning)>.*?(</\1>|\Z)", re.DOTALL | re.IGNORECASE)
 _HEADLESS = re.compile(r"\A.*?</(?:think|thinking|reasoning)>", re.DOTALL | re.IGNORECASE)
 
@@ -40,7 +38,9 @@ class HfModel:
             BadPlannerSpec: unknown option, no chat template, 4 bits without CUDA, or packages that are not installed.
             ModelError: there is no such model or adapter.
         """
-        source, options = _options(argument)
+        source, options = spec_options(
+            "hf", argument, numbers=("batch", "max_tokens"), words={"adapter": (), "quantize": ("4bit",)}
+        )
         try:
             import torch
             import transformers
@@ -160,21 +160,3 @@ def _adapted(model: Any, adapter: str) -> Any:
         raise BadPlannerSpec("an adapter needs peft: pip install 'gavel-env[llm]'") from error
     except (OSError, ValueError) as error:
         raise ModelError(f"adapter {adapter} cannot be loaded: {' '.join(str(error).split())[:300]}") from error
-
-
-def _options(argument: str) -> tuple[str, dict[str, str]]:
-    """Read `NAME_OR_PATH?option=value&…`.
-
-    Raises:
-        BadPlannerSpec: an option or value that is not known.
-    """
-    source, _, query = argument.partition("?")
-    options = dict(parse_qsl(query, keep_blank_values=True))
-    for name, value in options.items():
-        if name not in _OPTIONS:
-            raise BadPlannerSpec(f"unknown option {name!r} in hf:{argument}; known: {', '.join(_OPTIONS)}")
-        if name == "quantize" and value != "4bit":
-            raise BadPlannerSpec(f"hf:{argument}: quantize is {value!r}; known: 4bit")
-        if name in ("batch", "max_tokens") and not (value.isdecimal() and int(value) > 0):
-            raise BadPlannerSpec(f"hf:{argument}: {name} is {value!r}, no whole number above 0")
-    return source, options

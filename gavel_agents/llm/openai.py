@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt
+from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt, spec_options
 from gavel_agents.llm.grammar import json_schema, plan_schema
 from gavel_agents.llm.hosted import MalformedAnswer, Retries, complete_all, endpoint_of, key_of, retried
 
@@ -43,8 +43,8 @@ class OpenAIModel:
         Raises:
             BadPlannerSpec: no model, no key, or the package openai is not installed.
         """
-        bare = argument.removesuffix("?constrained")
-        endpoint = endpoint_of(bare, "openai")
+        source, options = spec_options("openai", argument, flags=("constrained",))
+        endpoint = endpoint_of(source, "openai")
         key = key_of(_KEY, endpoint, "openai")
         try:
             import openai
@@ -58,7 +58,7 @@ class OpenAIModel:
         if endpoint.base_url or not _REASONING.match(endpoint.model):
             decoding["temperature"] = 0.0
         self._format: dict[str, Any] = {}
-        if bare != argument:
+        if "constrained" in options:
             decoding["constrained"] = 1
             self._format = json_schema(plan_schema())
         self._sent = {name: value for name, value in decoding.items() if name != "constrained"}
