@@ -77,7 +77,13 @@ _COLUMNS = (
     _Column("Attempts", lambda row: _number(row.attempts, 2)),
     _Column("N", _episodes),
 )
-_STAGES = {"understand": "Understand (s)", "plan": "Planner (s)", "repair": "Repair (s)", "order": "Order (s)"}
+_STAGES = {
+    "understand": "Understand (s)",
+    "plan": "Planner (s)",
+    "repair": "Repair (s)",
+    "validate": "Validate (s)",
+    "order": "Order (s)",
+}
 CHOICES = ("planner", "understanding", "prior")
 
 
