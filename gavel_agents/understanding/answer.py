@@ -28,8 +28,15 @@ __all__ = ["ANSWER_SCHEMA", "read_answer", "write_answer"]
 
 _START_WORDS = 3
 _LOCATIONS = (Predicate.ON_TOP, Predicate.INSIDE, Predicate.IN_ROOM)
-_LITERAL = r"^(not )?[a-z_]+\([^(),]+(, [^(),]+)?\)$"
-_LITERALS: Mapping[str, Any] = {"type": "array", "items": {"type": "string", "pattern": _LITERAL}, "maxItems": 20}
+_NAME = "[a-z][a-z0-9_]{0,40}(@[a-z][a-z0-9_]{0,30})?"
+_STATES = "|".join(p.value for p in Predicate if p.arity == 1)
+_RELATION = rf"(on_top|inside|in_room)\({_NAME}, {_NAME}\)"
+_GOAL = rf"(not )?({_RELATION}|({_STATES})\({_NAME}\))"
+
+
+def _several(pattern: str) -> dict[str, Any]:
+    return {"type": "array", "items": {"type": "string", "pattern": f"^{pattern}$"}, "maxItems": 20}
+
 
 ANSWER_SCHEMA: Mapping[str, Any] = {
     "type": "object",
@@ -42,9 +49,9 @@ ANSWER_SCHEMA: Mapping[str, Any] = {
                 "type": "object",
                 "properties": {
                     "start": {"type": "string", "maxLength": 60},
-                    "relations": _LITERALS,
-                    "objects": {"type": "array", "items": {"type": "string", "maxLength": 60}, "maxItems": 20},
-                    "goal": {**_LITERALS, "minItems": 1},
+                    "relations": _several(_RELATION),
+                    "objects": _several(_NAME),
+                    "goal": {**_several(_GOAL), "minItems": 1},
                 },
                 "required": ["start", "relations", "objects", "goal"],
                 "additionalProperties": False,
