@@ -16,9 +16,9 @@ import gavel_agents
 from eval.understanding import evaluate
 from gavel_agents.llm import Completion, Prompt
 from gavel_agents.understanding import Abstention, ModelUnderstanding, UnknownUnderstanding, load_understanding
-from gavel_agents.understanding.answer import ANSWER_SCHEMA, read_answer, write_answer
+from gavel_agents.understanding.answer import answer_schema, read_answer, write_answer
 from gavel_agents.understanding.chat import EXAMPLES, chat_prompt
-from gavel_agents.understanding.model import adapter_prompt
+from gavel_agents.understanding.mentions import Mentions
 from gavel_agents.understanding.pairs import Sample, read_samples
 from gavel_env.errors import DataError
 from gavel_env.instructions import read_instructions, shipped
@@ -49,7 +49,7 @@ def answer(*goal: str, relations: Sequence[str] = (), objects: Sequence[str] = (
 def test_answers_say_all_that_targets_do(file: str) -> None:
     samples = read_samples(file)
     model = Said({sample.text: write_answer(sample.tasks) for sample in samples})
-    report = evaluate(ModelUnderstanding("said", model, adapter_prompt), samples)
+    report = evaluate(ModelUnderstanding("said", model, trained=True), samples)
     assert report.exact == report.instructions
     assert report.parts["tasks"].exact == report.instructions
 
@@ -106,7 +106,7 @@ def test_what_cannot_be_meant_is_refused_with_its_reason(said: str, reason: str)
     with pytest.raises(Abstention, match=rf"^{reason}: .") as refusal:
         read_answer(said, TEXT)
     assert refusal.value.kind == reason
-    got = ModelUnderstanding("said", Said({TEXT: said}), adapter_prompt).understand(TEXT)
+    got = ModelUnderstanding("said", Said({TEXT: said}), trained=True).understand(TEXT)
     assert got.tasks == ()
     assert got.refused == str(refusal.value)
 
@@ -123,28 +123,42 @@ def test_a_vague_name_is_what_the_text_calls_so_or_refused() -> None:
 def test_texts_are_asked_once_and_together() -> None:
     samples = read_samples("validation")[:6]
     model = Said({sample.text: write_answer(sample.tasks) for sample in samples})
-    understanding = ModelUnderstanding("said", model, adapter_prompt)
+    understanding = ModelUnderstanding("said", model, trained=True)
     texts = [sample.text for sample in samples]
-    together = understanding.understand_all([*texts, *texts, " ", "a" * 5000], [s.id for s in samples] * 2 + ["", ""])
+    together = understanding.understand_all(
+        [*texts, *texts, " ", "a" * 5000, "Hello!"], [s.id for s in samples] * 2 + [""] * 3
+    )
     assert [prompt.messages[-1].content for prompt in model.asked] == texts
     assert together[:6] == together[6:12] == [understanding.understand(text) for text in texts]
     assert len(model.asked) == 6
-    assert [got.refused.partition(":")[0] for got in together[12:]] == ["empty", "too_long"]
+    assert [got.refused.partition(":")[0] for got in together[12:]] == ["empty", "too_long", "no_goal"]
 
 
-def test_a_chat_model_is_told_and_held_to_the_form_of_its_examples() -> None:
+def test_a_chat_model_is_shown_and_held_to_the_same_form() -> None:
     for text, tasks in EXAMPLES:
         said = {"tasks": tasks}
-        jsonschema.validate(said, dict(ANSWER_SCHEMA))
+        jsonschema.validate(said, answer_schema(*Mentions(text).phrases))
         believe(read_answer(json.dumps(said), text).tasks)
     model = Said({TEXT: answer("washed(mug)")})
-    understanding = load_understanding("llm", model=model)
-    assert understanding.understand(TEXT).tasks
-    assert model.asked == [Prompt(chat_prompt(TEXT), schema=ANSWER_SCHEMA)]
-    for sample in read_samples("validation"):
-        tasks: list[dict[str, Any]] = json.loads(write_answer(sample.tasks))["tasks"]
-        whole = [{"relations": [], "objects": [], **task} for task in tasks]
-        jsonschema.validate({"tasks": whole}, dict(ANSWER_SCHEMA))
+    assert load_understanding("llm", model=model).understand(TEXT).tasks
+    [asked] = model.asked
+    assert asked.messages == chat_prompt(TEXT)
+    for name, valid in (("mug", True), ("coffee_table", True), ("coffee_table@kitchen", True), ("fork", False)):
+        said = {"tasks": [{"start": "", "relations": [], "objects": [name], "goal": ["washed(mug)"]}]}
+        assert jsonschema.Draft202012Validator(asked.schema).is_valid(said) is valid
+
+
+@pytest.mark.parametrize("file", ["validation", "single", "multi"])
+def test_an_adapter_is_held_to_what_the_text_speaks_of_and_can_say_every_target(file: str) -> None:
+    for sample in read_samples(file):
+        mentions = Mentions(sample.text)
+        schema = answer_schema(mentions.categories, mentions.rooms, brief=True)
+        jsonschema.validate(json.loads(write_answer(sample.tasks)), schema)
+
+
+def test_words_of_longer_nouns_speak_of_nothing_else() -> None:
+    assert Mentions("Put the mug on the coffee table.").categories == ("coffee_table", "mug")
+    assert Mentions("Lay it on the swivel chair.").categories == ("swivel_chair",)
 
 
 def test_the_examples_are_not_of_the_benchmarks() -> None:
@@ -155,7 +169,7 @@ def test_the_examples_are_not_of_the_benchmarks() -> None:
 def test_what_a_model_was_asked_for_understanding_is_in_the_trace() -> None:
     instruction = next(iter(read_instructions(shipped("single")).values()))
     [sample] = [s for s in read_samples("single") if s.id == instruction.id]
-    understanding = ModelUnderstanding("said", Said({sample.text: write_answer(sample.tasks)}), adapter_prompt)
+    understanding = ModelUnderstanding("said", Said({sample.text: write_answer(sample.tasks)}), trained=True)
     env = gym.make("Gavel-SingleTask-v0", instructions=[instruction])
     for _ in range(2):
         agent: Any = gavel_agents.make("epog", understanding=understanding)
@@ -189,7 +203,7 @@ def fuzz(count: int, seed: int) -> int:
     understood = 0
     for _ in range(count):
         text, said = broken(rng, samples)
-        got = ModelUnderstanding("said", Said({text: said}), adapter_prompt).understand(text)
+        got = ModelUnderstanding("said", Said({text: said}), trained=True).understand(text)
         assert bool(got.tasks) != bool(got.refused)
         if got.tasks:
             understood += 1

@@ -10,10 +10,12 @@ import re
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt, spec_options
+from gavel_agents.llm.held import Holder
 from gavel_agents.llm.hosted import ModelError
 from gavel_agents.llm.local import load_local
 
@@ -96,7 +98,8 @@ class HfModel:
         done: dict[int, Completion] = {}
         for start in range(0, len(order), self._batch):
             chosen = order[start : start + self._batch]
-            for index, completion in zip(chosen, self._generate([texts[i] for i in chosen]), strict=True):
+            schemas = [prompts[i].schema for i in chosen]
+            for index, completion in zip(chosen, self._generate([texts[i] for i in chosen], schemas), strict=True):
                 done[index] = completion
         return [done[i] for i in range(len(texts))]
 
@@ -109,9 +112,10 @@ class HfModel:
             )
         )
 
-    def _generate(self, texts: Sequence[str]) -> list[Completion]:
-        """Continue texts of similar length in one batch."""
+    def _generate(self, texts: Sequence[str], schemas: Sequence[Mapping[str, Any] | None]) -> list[Completion]:
+        """Continue texts of similar length in one batch, each held to its schema if it has one."""
         start = time.perf_counter()
+        held = {"logits_processor": [self._holder.processor(schemas)]} if any(schemas) else {}
         batch = self._tokenizer(list(texts), return_tensors="pt", padding=True, add_special_tokens=False)
         batch = {name: tensor.to(self._model.device) for name, tensor in batch.items() if name != "token_type_ids"}
         with self._torch.inference_mode():
@@ -123,6 +127,7 @@ class HfModel:
                 top_p=None,
                 top_k=None,
                 pad_token_id=self._tokenizer.pad_token_id,
+                **held,
             )
         seconds = (time.perf_counter() - start) / len(texts)
         answers = whole[:, batch["input_ids"].shape[1] :]
@@ -136,6 +141,10 @@ class HfModel:
             )
             for answer, count in zip(answers, prompts, strict=True)
         ]
+
+    @cached_property
+    def _holder(self) -> Holder:
+        return Holder(self._tokenizer, self._model.get_output_embeddings().weight.shape[0])
 
     def _length(self, answer: list[int]) -> int:
         """Return the tokens of an answer up to and with its end."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import msgspec
@@ -24,44 +24,47 @@ from gavel_agents.understanding.pairs import Target
 from gavel_env.errors import MalformedGoal
 from gavel_env.goals import Designator, Goal, Literal, Predicate, parse_literal
 
-__all__ = ["ANSWER_SCHEMA", "read_answer", "write_answer"]
+__all__ = ["answer_schema", "read_answer", "write_answer"]
 
 _START_WORDS = 3
 _LOCATIONS = (Predicate.ON_TOP, Predicate.INSIDE, Predicate.IN_ROOM)
-_NAME = "[a-z][a-z0-9_]{0,40}(@[a-z][a-z0-9_]{0,30})?"
 _STATES = "|".join(p.value for p in Predicate if p.arity == 1)
-_RELATION = rf"(on_top|inside|in_room)\({_NAME}, {_NAME}\)"
-_GOAL = rf"(not )?({_RELATION}|({_STATES})\({_NAME}\))"
+
+
+def answer_schema(names: Sequence[str], rooms: Sequence[str], *, brief: bool = False) -> dict[str, Any]:
+    """Return the JSON schema of answers about a text, for backends that can hold a model to it.
+
+    Args:
+        names: of the things that the text speaks of, at least one.
+        rooms: of the rooms that it speaks of.
+        brief: what is empty may be left out, as `write_answer` does.
+    """
+    room = f"({'|'.join(map(re.escape, rooms))})"
+    name = f"({'|'.join(map(re.escape, names))})" + (f"(@{room})?" if rooms else "")
+    place = rf"(on_top|inside)\({name}, {name}\)"
+    relation = rf"({place}|in_room\({name}, {room}\))" if rooms else place
+    properties = {
+        "start": {"type": "string", "maxLength": 60},
+        "relations": _several(relation),
+        "objects": _several(name),
+        "goal": {**_several(rf"(not )?({relation}|({_STATES})\({name}\))"), "minItems": 1},
+    }
+    task = {
+        "type": "object",
+        "properties": properties,
+        "required": ["start", "goal"] if brief else list(properties),
+        "additionalProperties": False,
+    }
+    return {
+        "type": "object",
+        "properties": {"tasks": {"type": "array", "items": task, "minItems": 1, "maxItems": 9}},
+        "required": ["tasks"],
+        "additionalProperties": False,
+    }
 
 
 def _several(pattern: str) -> dict[str, Any]:
     return {"type": "array", "items": {"type": "string", "pattern": f"^{pattern}$"}, "maxItems": 20}
-
-
-ANSWER_SCHEMA: Mapping[str, Any] = {
-    "type": "object",
-    "properties": {
-        "tasks": {
-            "type": "array",
-            "minItems": 1,
-            "maxItems": 9,
-            "items": {
-                "type": "object",
-                "properties": {
-                    "start": {"type": "string", "maxLength": 60},
-                    "relations": _several(_RELATION),
-                    "objects": _several(_NAME),
-                    "goal": {**_several(_GOAL), "minItems": 1},
-                },
-                "required": ["start", "relations", "objects", "goal"],
-                "additionalProperties": False,
-            },
-        }
-    },
-    "required": ["tasks"],
-    "additionalProperties": False,
-}
-"""JSON schema of an answer, for backends that can hold a model to it."""
 
 
 class _Task(msgspec.Struct, frozen=True):

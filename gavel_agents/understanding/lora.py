@@ -46,6 +46,7 @@ class LoraSettings(msgspec.Struct, frozen=True):
         learning_rate: highest, after a warm-up of 3 % of the steps; falls to 0 like a cosine.
         precision: "bf16" computes in bfloat16 (weights stay float32), "fp32" does not.
         seed: of the adapter's initial weights and of the batches.
+        start: folder of an adapter to go on from, of the same base and rank; None for a new one.
     """
 
     base: str
@@ -55,6 +56,7 @@ class LoraSettings(msgspec.Struct, frozen=True):
     learning_rate: float = 1e-3
     precision: str = "fp32"
     seed: int = 0
+    start: str | None = None
 
 
 def fit_lora(
@@ -77,7 +79,7 @@ def fit_lora(
     Raises:
         BadPlannerSpec: a package is missing.
         ModelError: there is no such base.
-        DataError: the checkpoint in `out` was made with other settings or pairs.
+        DataError: the checkpoint in `out` was made with other settings or pairs; or no adapter to start from.
     """
     tokenizer, base = load_local(settings.base)
     import peft
@@ -89,6 +91,8 @@ def fit_lora(
         r=settings.rank, lora_alpha=2 * settings.rank, target_modules=list(_MODULES), task_type="CAUSAL_LM"
     )
     model: Any = peft.get_peft_model(base, config).to(device).train()
+    if settings.start is not None:
+        _start_from(model, Path(settings.start))
     encoded = [_encode(tokenizer, sample) for sample in samples]
     batches = [b for epoch in range(settings.epochs) for b in _batches(encoded, settings, epoch)]
     weights = {name: p for name, p in model.named_parameters() if p.requires_grad}
@@ -119,6 +123,17 @@ def fit_lora(
     _name_base(out, settings.base)
     checkpoint.remove()
     return len(batches)
+
+
+def _start_from(model: Any, folder: Path) -> None:
+    import peft
+    import safetensors.torch
+
+    try:
+        tensors = safetensors.torch.load_file(folder / "adapter_model.safetensors")
+        peft.set_peft_model_state_dict(model, {name: tensor.float() for name, tensor in tensors.items()})
+    except (OSError, RuntimeError) as error:
+        raise DataError(f"{folder} holds no adapter to start from: {' '.join(str(error).split())[:200]}") from error
 
 
 def _encode(tokenizer: Any, sample: Sample) -> Encoded:

@@ -11,7 +11,7 @@ from functools import cache
 from typing import NamedTuple
 
 from gavel_agents.understanding.base import Abstention
-from gavel_agents.understanding.rules.lexer import plurals, words_of
+from gavel_agents.understanding.rules.lexer import in_a_room, plurals, words_of
 from gavel_agents.understanding.rules.nouns import ROOM_SYNONYMS, SYNONYMS, VAGUE
 from gavel_env.errors import nearest_names
 from gavel_env.goals import Designator
@@ -59,7 +59,12 @@ def _meanings() -> Mapping[tuple[str, ...], _Meaning]:
 
 
 class Mentions:
-    """The categories and room types that one text may speak of."""
+    """The categories and room types that one text may speak of.
+
+    Attributes:
+        categories, rooms: them, sorted.
+        phrases: (categories, rooms): phrase of the text, words joined by `_` -> what it may mean.
+    """
 
     def __init__(self, text: str) -> None:
         spoken = words_of(text)
@@ -72,11 +77,16 @@ class Mentions:
             if words[start:end] in _meanings()
         }
         found = _Meaning()
+        said: tuple[set[str], set[str]] = set(), set()
         for start, end, phrase in spans:
-            within = any(a <= start and end <= b and b - a > end - start for a, b, _ in spans)
-            if not (within and " ".join(phrase) in VAGUE):  # the table of "coffee table" is no other table
-                found |= _meanings()[phrase]
-        self._categories, self._rooms = found
+            longer = [around for a, b, around in spans if a <= start and end <= b and b - a > end - start]
+            if not all(in_a_room(" ".join(around)) for around in longer):
+                continue  # "coffee table" is no other table; "garden chair" may be the chair in the garden
+            found |= _meanings()[phrase]
+            for names, meant in zip(said, _meanings()[phrase], strict=True):
+                names |= {"_".join(phrase)} if meant else set()
+        self.categories, self.rooms = (tuple(sorted(part)) for part in found)
+        self.phrases = tuple(tuple(sorted(part)) for part in said)
 
     def designator(self, written: str) -> Designator:
         """Return what a written name designates: `fridge`, `lower cabinet`, `bed@bedroom`.
@@ -97,7 +107,7 @@ class Mentions:
         return self._resolve(written, default_vocabulary().rooms, 1)
 
     def _resolve(self, written: str, known: Iterable[str], part: int) -> str:
-        mentioned = (self._categories, self._rooms)[part]
+        mentioned = (self.categories, self.rooms)[part]
         name = written.strip().lower().replace(" ", "_")
         if name in known:
             meant = frozenset({name})
@@ -106,7 +116,7 @@ class Mentions:
             if not meant:
                 near = nearest_names(name[:60], list(known), 1)
                 raise Abstention("unknown_name", f"{written[:60]!r}" + (f" (near: {near[0]!r})" if near else ""))
-        spoken_of = sorted(meant & mentioned)
+        spoken_of = sorted(meant.intersection(mentioned))
         if not spoken_of:
             raise Abstention("not_in_text", f"the text speaks of no {written[:60]!r}")
         if len(spoken_of) > 1:

@@ -1,15 +1,20 @@
-"""Understanding by a language model: an adapter trained for it, or the chat model that plans, asked for JSON."""
+"""Understanding by a language model: an adapter trained for it, or the chat model that plans, asked for JSON.
+
+Where the backend can, the answer is held to what the text speaks of, so that nothing can be invented; what comes back
+is read with distrust all the same (`gavel_agents.understanding.answer`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import msgspec
 
 from gavel_agents.llm import ChatModel, Completion, Message, Prompt
-from gavel_agents.understanding.answer import read_answer
+from gavel_agents.understanding.answer import answer_schema, read_answer
 from gavel_agents.understanding.base import Abstention, Decomposition
+from gavel_agents.understanding.chat import chat_prompt
+from gavel_agents.understanding.mentions import Mentions
 
 __all__ = ["ModelUnderstanding", "adapter_prompt"]
 
@@ -24,25 +29,18 @@ def adapter_prompt(text: str) -> tuple[Message, ...]:
 class ModelUnderstanding:
     """Asks a model what a text says, and believes of it what the text speaks of."""
 
-    def __init__(
-        self,
-        name: str,
-        model: ChatModel,
-        prompt: Callable[[str], tuple[Message, ...]],
-        schema: Mapping[str, Any] | None = None,
-    ) -> None:
+    def __init__(self, name: str, model: ChatModel, *, trained: bool) -> None:
         """Wrap a model.
 
         Args:
             name: of the understanding, for records.
             model: answers with the JSON of `gavel_agents.understanding.answer`.
-            prompt: text -> conversation.
-            schema: JSON schema to which backends that can hold the answer.
+            trained: it is an adapter, which knows the form and the names of categories; a chat model is shown the form,
+                and names things as the text does.
         """
         self.name = name
         self._model = model
-        self._prompt = prompt
-        self._schema = schema
+        self._trained = trained
         self._known: dict[str, Decomposition] = {}
 
     def understand(self, text: str, instruction_id: str = "") -> Decomposition:
@@ -51,24 +49,38 @@ class ModelUnderstanding:
 
     def understand_all(self, texts: Sequence[str], ids: Sequence[str]) -> list[Decomposition]:
         """Return the tasks of several texts, which the model may answer in batches; each text is asked once."""
-        new = {
-            text: instruction_id
-            for text, instruction_id in zip(texts, ids, strict=True)
-            if text not in self._known and self._refusal(text) is None
-        }
-        prompts = [
-            Prompt(self._prompt(text), instruction_id, schema=self._schema) for text, instruction_id in new.items()
-        ]
-        for text, completion in zip(new, self._model.complete(prompts) if prompts else (), strict=True):
+        prompts: dict[str, Prompt] = {}
+        for text, instruction_id in zip(texts, ids, strict=True):
+            if text in self._known or text in prompts:
+                continue
+            try:
+                prompts[text] = self._prompt(text, instruction_id)
+            except Abstention as why:
+                self._known[text] = Decomposition((), str(why))
+        for text, completion in zip(prompts, self._ask(list(prompts.values())), strict=True):
             self._known[text] = _read(completion, text)
-        return [self._known.get(text) or Decomposition((), self._refusal(text) or "") for text in texts]
+        return [self._known[text] for text in texts]
 
-    def _refusal(self, text: str) -> str | None:
+    def _prompt(self, text: str, instruction_id: str) -> Prompt:
+        """Return what is asked about a text.
+
+        Raises:
+            Abstention: `empty`, `too_long`, or `no_goal` where nothing known is spoken of.
+        """
         if not text.strip():
-            return "empty: nothing is said"
+            raise Abstention("empty", "nothing is said")
         if len(text) > _MOST_CHARACTERS:
-            return f"too_long: {len(text)} characters; at most {_MOST_CHARACTERS}"
-        return None
+            raise Abstention("too_long", f"{len(text)} characters; at most {_MOST_CHARACTERS}")
+        mentions = Mentions(text)
+        if not mentions.categories:
+            raise Abstention("no_goal", f"nothing known is spoken of in {text[:60]!r}")
+        if self._trained:
+            schema = answer_schema(mentions.categories, mentions.rooms, brief=True)
+            return Prompt(adapter_prompt(text), instruction_id, schema=schema)
+        return Prompt(chat_prompt(text), instruction_id, schema=answer_schema(*mentions.phrases))
+
+    def _ask(self, prompts: Sequence[Prompt]) -> Sequence[Completion]:
+        return self._model.complete(prompts) if prompts else ()
 
 
 def _read(completion: Completion, text: str) -> Decomposition:

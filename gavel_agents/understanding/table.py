@@ -8,10 +8,8 @@ from functools import cache
 from pathlib import Path
 
 from gavel_agents.llm import ChatModel, load_model
-from gavel_agents.understanding.answer import ANSWER_SCHEMA
 from gavel_agents.understanding.base import Understanding
-from gavel_agents.understanding.chat import chat_prompt
-from gavel_agents.understanding.model import ModelUnderstanding, adapter_prompt
+from gavel_agents.understanding.model import ModelUnderstanding
 from gavel_agents.understanding.reference import ReferenceUnderstanding
 from gavel_agents.understanding.rules import RulesUnderstanding
 from gavel_env.errors import DataError, GavelError, nearest_names
@@ -57,7 +55,7 @@ def load_understanding(
     if name == "llm":
         if model is None:
             raise UnknownUnderstanding("understanding 'llm' asks the planner's model, and there is none: add --planner")
-        return ModelUnderstanding(name, model, chat_prompt, ANSWER_SCHEMA)
+        return ModelUnderstanding(name, model, trained=False)
     near = nearest_names(name, UNDERSTANDINGS) or UNDERSTANDINGS
     raise UnknownUnderstanding(f"unknown understanding {name!r}; known: {', '.join(near)}")
 
@@ -70,4 +68,4 @@ def _adapter(name: str, folder: Path) -> ModelUnderstanding:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise DataError(f"{folder} holds no adapter_config.json that names a base model: {error}") from error
     model = load_model(f"hf:{base}?adapter={folder}&batch=16&max_tokens={_MOST_TOKENS}")
-    return ModelUnderstanding(name, model, adapter_prompt)
+    return ModelUnderstanding(name, model, trained=True)

@@ -28,9 +28,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--learning-rate", type=float, default=1e-3, help="default: %(default)s")
     parser.add_argument("--precision", choices=("fp32", "bf16"), default="fp32", help="default: %(default)s")
     parser.add_argument("--seed", type=int, default=0, help="default: %(default)s")
+    parser.add_argument("--start", metavar="DIR", help="go on from this adapter")
     said = parser.parse_args(arguments)
     settings = LoraSettings(
-        said.base, said.epochs, said.batch, said.rank, said.learning_rate, said.precision, said.seed
+        said.base, said.epochs, said.batch, said.rank, said.learning_rate, said.precision, said.seed, said.start
     )
 
     def report(line: str) -> None:

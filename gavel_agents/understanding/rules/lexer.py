@@ -16,7 +16,7 @@ from gavel_env.errors import nearest_names
 from gavel_env.ontology import default_ontology
 from gavel_env.tasks.vocabulary import default_vocabulary
 
-__all__ = ["Spoken", "Token", "known_nouns", "plurals", "sentences_of", "words_of"]
+__all__ = ["Spoken", "Token", "in_a_room", "known_nouns", "plurals", "sentences_of", "words_of"]
 
 _MOST_CHARACTERS = 4000
 _LONGEST_PHRASE = 9
@@ -79,7 +79,7 @@ def plurals(noun: str) -> Iterator[str]:
         yield f"{prefix}{last}s{of}{rest}"
 
 
-def _in_a_room(noun: str) -> bool:
+def in_a_room(noun: str) -> bool:
     """Return whether a noun says the room of another one: the garden chair is the chair in the garden."""
     vocabulary = default_vocabulary()
     rooms = {word for words in vocabulary.rooms.values() for word in words}
@@ -100,7 +100,7 @@ def known_nouns() -> Mapping[tuple[str, ...], tuple[Kind, str]]:
     for group in (vocabulary.movables, vocabulary.furniture):
         for category, entry in group.items():
             for noun in entry.nouns:
-                if not _in_a_room(noun.lower()):
+                if not in_a_room(noun.lower()):
                     add(noun.lower(), Kind.NOUN, category, plural=not vocabulary.is_plural(category))
     for room, nouns in vocabulary.rooms.items():
         for noun in nouns:
@@ -112,7 +112,7 @@ def known_nouns() -> Mapping[tuple[str, ...], tuple[Kind, str]]:
     for noun, categories in VAGUE.items():
         add(noun, Kind.NOUN, "|".join(categories))
     for name in ontology:
-        if not _in_a_room(name.replace("_", " ")):
+        if not in_a_room(name.replace("_", " ")):
             add(name.replace("_", " "), Kind.NOUN, name)
     return table
 
