@@ -137,7 +137,7 @@ def test_texts_are_asked_once_and_together() -> None:
 def test_a_chat_model_is_shown_and_held_to_the_same_form() -> None:
     for text, tasks in EXAMPLES:
         said = {"tasks": tasks}
-        jsonschema.validate(said, answer_schema(*Mentions(text).phrases))
+        jsonschema.validate(said, answer_schema(Mentions(text).phrases, Mentions(text).room_phrases))
         believe(read_answer(json.dumps(said), text).tasks)
     model = Said({TEXT: answer("washed(mug)")})
     assert load_understanding("llm", model=model).understand(TEXT).tasks
@@ -152,7 +152,7 @@ def test_a_chat_model_is_shown_and_held_to_the_same_form() -> None:
 def test_an_adapter_is_held_to_what_the_text_speaks_of_and_can_say_every_target(file: str) -> None:
     for sample in read_samples(file):
         mentions = Mentions(sample.text)
-        schema = answer_schema(mentions.categories, mentions.rooms, brief=True)
+        schema = answer_schema({name: [name] for name in mentions.categories}, mentions.rooms, brief=True)
         jsonschema.validate(json.loads(write_answer(sample.tasks)), schema)
 
 

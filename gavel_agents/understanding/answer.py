@@ -12,42 +12,57 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import msgspec
 
 from gavel_agents.understanding.base import Abstention, Decomposition, TaskUnderstanding
-from gavel_agents.understanding.checks import check_capable, check_possible
+from gavel_agents.understanding.checks import can_be, check_capable, check_possible
 from gavel_agents.understanding.mentions import Mentions
 from gavel_agents.understanding.pairs import Target
 from gavel_env.errors import MalformedGoal
 from gavel_env.goals import Designator, Goal, Literal, Predicate, parse_literal
+from gavel_env.ontology import Category, default_ontology
 
 __all__ = ["answer_schema", "read_answer", "write_answer"]
 
 _START_WORDS = 3
 _LOCATIONS = (Predicate.ON_TOP, Predicate.INSIDE, Predicate.IN_ROOM)
-_STATES = "|".join(p.value for p in Predicate if p.arity == 1)
 
 
-def answer_schema(names: Sequence[str], rooms: Sequence[str], *, brief: bool = False) -> dict[str, Any]:
+def answer_schema(
+    things: Mapping[str, Collection[str]], rooms: Sequence[str], *, brief: bool = False
+) -> dict[str, Any]:
     """Return the JSON schema of answers about a text, for backends that can hold a model to it.
 
     Args:
-        names: of the things that the text speaks of, at least one.
-        rooms: of the rooms that it speaks of.
+        things: names of what the text speaks of -> the categories that they may mean; at least one.
+        rooms: names of the rooms that it speaks of.
         brief: what is empty may be left out, as `write_answer` does.
     """
-    room = f"({'|'.join(map(re.escape, rooms))})"
-    name = f"({'|'.join(map(re.escape, names))})" + (f"(@{room})?" if rooms else "")
-    place = rf"(on_top|inside)\({name}, {name}\)"
-    relation = rf"({place}|in_room\({name}, {room}\))" if rooms else place
+    room = _one_of(rooms)
+    at = f"(@{room})?" if rooms else ""
+    ontology = default_ontology()
+
+    def able(test: Callable[[Category], bool]) -> str:
+        return _one_of([name for name, meant in things.items() if any(test(ontology[c]) for c in meant)])
+
+    moved = able(lambda category: category.liftable)
+    places = {
+        Predicate.ON_TOP: able(lambda category: category.surface),
+        Predicate.INSIDE: able(lambda category: category.interior),
+    }
+    relations = [rf"{p.value}\({moved}{at}, {holder}{at}\)" for p, holder in places.items() if moved and holder]
+    if rooms and moved:
+        relations.append(rf"in_room\({moved}{at}, {room}\)")
+    states = [rf"{p.value}\({names}{at}\)" for p in Predicate if p.arity == 1 and (names := able(partial(can_be, p)))]
     properties = {
         "start": {"type": "string", "maxLength": 60},
-        "relations": _several(relation),
-        "objects": _several(name),
-        "goal": {**_several(rf"(not )?({relation}|({_STATES})\({name}\))"), "minItems": 1},
+        "relations": _several(relations),
+        "objects": _several([_one_of(list(things)) + at]),
+        "goal": {**_several([rf"(not )?{literal}" for literal in (*relations, *states)]), "minItems": 1},
     }
     task = {
         "type": "object",
@@ -63,8 +78,15 @@ def answer_schema(names: Sequence[str], rooms: Sequence[str], *, brief: bool = F
     }
 
 
-def _several(pattern: str) -> dict[str, Any]:
-    return {"type": "array", "items": {"type": "string", "pattern": f"^{pattern}$"}, "maxItems": 20}
+def _one_of(names: Sequence[str]) -> str:
+    """Return the pattern of one of some names, or nothing if there are none."""
+    return f"({'|'.join(map(re.escape, names))})" if names else ""
+
+
+def _several(patterns: Sequence[str]) -> dict[str, Any]:
+    """Return the schema of a list of strings of some patterns; of an empty list, if there are none."""
+    items = {"type": "string", "pattern": f"^({'|'.join(patterns)})$"}
+    return {"type": "array", "items": items, "maxItems": 20} if patterns else {"type": "array", "maxItems": 0}
 
 
 class _Task(msgspec.Struct, frozen=True):

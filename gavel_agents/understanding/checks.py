@@ -8,7 +8,7 @@ from gavel_agents.understanding.base import Abstention
 from gavel_env.goals import Designator, Literal, Predicate
 from gavel_env.ontology import Category, default_ontology
 
-__all__ = ["check_capable", "check_possible"]
+__all__ = ["can_be", "check_capable", "check_possible"]
 
 
 def check_possible(literals: Iterable[Literal], verb: str) -> None:
@@ -42,6 +42,11 @@ _NEEDS: Mapping[Predicate, tuple[str, Callable[[Category], bool]]] = {
     Predicate.OPEN: ("cannot_open", lambda opened: opened.openable),
     Predicate.COOKED: ("cannot_process", lambda food: food.cookable),
 }
+
+
+def can_be(state: Predicate, category: Category) -> bool:
+    """Return whether things of a category can be in a state, as far as it takes something that not all have."""
+    return state not in _NEEDS or _NEEDS[state][1](category)
 
 
 def check_capable(literals: Iterable[Literal]) -> None:

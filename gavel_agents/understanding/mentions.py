@@ -63,7 +63,8 @@ class Mentions:
 
     Attributes:
         categories, rooms: them, sorted.
-        phrases: (categories, rooms): phrase of the text, words joined by `_` -> what it may mean.
+        phrases: phrases of the text for things, words joined by `_` -> the categories that each may mean.
+        room_phrases: its phrases for rooms.
     """
 
     def __init__(self, text: str) -> None:
@@ -77,16 +78,21 @@ class Mentions:
             if words[start:end] in _meanings()
         }
         found = _Meaning()
-        said: tuple[set[str], set[str]] = set(), set()
+        said: dict[str, frozenset[str]] = {}
+        rooms_said = set[str]()
         for start, end, phrase in spans:
             longer = [around for a, b, around in spans if a <= start and end <= b and b - a > end - start]
             if not all(in_a_room(" ".join(around)) for around in longer):
                 continue  # "coffee table" is no other table; "garden chair" may be the chair in the garden
-            found |= _meanings()[phrase]
-            for names, meant in zip(said, _meanings()[phrase], strict=True):
-                names |= {"_".join(phrase)} if meant else set()
+            meant = _meanings()[phrase]
+            found |= meant
+            if meant.categories:
+                said["_".join(phrase)] = meant.categories
+            if meant.rooms:
+                rooms_said.add("_".join(phrase))
         self.categories, self.rooms = (tuple(sorted(part)) for part in found)
-        self.phrases = tuple(tuple(sorted(part)) for part in said)
+        self.phrases = dict(sorted(said.items()))
+        self.room_phrases = tuple(sorted(rooms_said))
 
     def designator(self, written: str) -> Designator:
         """Return what a written name designates: `fridge`, `lower cabinet`, `bed@bedroom`.

@@ -75,9 +75,10 @@ class ModelUnderstanding:
         if not mentions.categories:
             raise Abstention("no_goal", f"nothing known is spoken of in {text[:60]!r}")
         if self._trained:
-            schema = answer_schema(mentions.categories, mentions.rooms, brief=True)
+            categories = {category: (category,) for category in mentions.categories}
+            schema = answer_schema(categories, mentions.rooms, brief=True)
             return Prompt(adapter_prompt(text), instruction_id, schema=schema)
-        return Prompt(chat_prompt(text), instruction_id, schema=answer_schema(*mentions.phrases))
+        return Prompt(chat_prompt(text), instruction_id, schema=answer_schema(mentions.phrases, mentions.room_phrases))
 
     def _ask(self, prompts: Sequence[Prompt]) -> Sequence[Completion]:
         return self._model.complete(prompts) if prompts else ()

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 
+from gavel_agents.naming import goal_designators, spoken
 from gavel_agents.understanding.base import Decomposition, TaskUnderstanding
 from gavel_env.goals import Designator, Literal, parse_literal
-from gavel_env.instructions import Instruction, TaskSpec
-from gavel_env.ontology import category_of
+from gavel_env.instructions import Instruction
 
 __all__ = ["ReferenceUnderstanding"]
 
@@ -15,8 +15,8 @@ __all__ = ["ReferenceUnderstanding"]
 class ReferenceUnderstanding:
     """Answers from the instruction records: their goals, and objects and stated relations from `meta["targets"]`.
 
-    A record without targets is read so: besides the goal's objects, a task speaks of the categories of its reference
-    plan; and it states where a movable of the goal starts if its own text names that place.
+    A record without targets is read by `gavel_agents.naming`: besides the goal's objects, a task speaks of those of its
+    reference plan; it states where things start if its own text names that place, and that what shall be changed is so.
     """
 
     name = "reference"
@@ -35,42 +35,21 @@ class ReferenceUnderstanding:
             instruction = self._by_text.get(text)
         if instruction is None:
             return Decomposition((), f"unknown_instruction: {text[:80]!r}")
-        targets = instruction.meta.get("targets", ())
-        tasks = [
-            _task(spec, targets[index] if index < len(targets) else _derived(instruction, spec))
-            for index, spec in enumerate(instruction.tasks)
-        ]
-        return Decomposition(tuple(tasks))
+        return Decomposition(tuple(_task(instruction, index) for index in range(len(instruction.tasks))))
 
 
-def _task(spec: TaskSpec, target: Mapping[str, Sequence[str]]) -> TaskUnderstanding:
+def _task(instruction: Instruction, index: int) -> TaskUnderstanding:
+    spec = instruction.tasks[index]
+    targets = instruction.meta.get("targets", ())
+    if index >= len(targets):
+        said = spoken(instruction, index)
+        names = map(Designator.parse, said.names.values())
+        return TaskUnderstanding(spec.text, tuple(dict.fromkeys(names)), said.relations, said.goal)
     goal = spec.parsed_goal()
-    stated = tuple(parse_literal(text) for text in target.get("relations", ()))
-    said = map(Designator.parse, target.get("objects", ()))
-    objects = tuple(dict.fromkeys((*said, *designators((*stated, *goal.literals)))))
+    stated = tuple(parse_literal(text) for text in targets[index].get("relations", ()))
+    named = map(Designator.parse, targets[index].get("objects", ()))
+    objects = tuple(dict.fromkeys((*named, *designators(stated), *goal_designators(goal))))
     return TaskUnderstanding(spec.text, objects, stated, goal)
-
-
-_RELATIONS = {"on": "on_top", "in": "inside"}
-
-
-def _derived(instruction: Instruction, spec: TaskSpec) -> dict[str, list[str]]:
-    """Return objects and stated relations of a task whose record has no targets."""
-    said = {d.name: str(d) for d in designators(spec.parsed_goal().literals)}
-    wanted = {category_of(name): name for name in said} | {name: name for name in said}
-    for action in spec.parsed_plan():
-        if action.target is not None:
-            name = Designator.parse(action.target).name
-            category = name if name in said else category_of(name)
-            said.setdefault(category, category)
-    relations = []
-    for placement in instruction.placements:
-        place = category_of(Designator.parse(placement.target).name)
-        named = place.replace("_", " ") in instruction.text.lower().replace("_", " ")
-        subject = wanted.get(placement.id or "") or wanted.get(placement.category)
-        if placement.relation in _RELATIONS and subject is not None and named:
-            relations.append(f"{_RELATIONS[placement.relation]}({subject}, {said.setdefault(place, place)})")
-    return {"objects": list(said.values()), "relations": relations}
 
 
 def designators(literals: Iterable[Literal]) -> tuple[Designator, ...]:
