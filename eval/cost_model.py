@@ -13,6 +13,7 @@ import numpy as np
 
 import gavel_agents
 import gavel_env  # noqa: F401  (registers the environments)
+from gavel_agents.cost import COVERAGE_WIDTH_M
 from gavel_agents.llm import load_model
 from gavel_agents.pipeline import PlanningAgent
 from gavel_agents.understanding import ReferenceUnderstanding
@@ -52,13 +53,19 @@ class Fit(NamedTuple):
     ordering_ms: float
 
 
-def drives(source: str = "multi", agent: str = "gavel-static", prior: str = "choice") -> Iterator[Drive]:
+def drives(
+    source: str = "multi",
+    agent: str = "gavel-static",
+    prior: str = "choice",
+    coverage_width_m: float = COVERAGE_WIDTH_M,
+) -> Iterator[Drive]:
     """Yield one drive per instruction of a shipped file (or a path).
 
     Args:
         source: shipped name or path of the instructions.
         agent: a method that orders.
         prior: location prior.
+        coverage_width_m: w_cov.
     """
     path = source if source.endswith(".jsonl") else shipped(source)
     instructions: Mapping[str, Instruction] = read_instructions(path)
@@ -68,6 +75,7 @@ def drives(source: str = "multi", agent: str = "gavel-static", prior: str = "cho
         understanding=ReferenceUnderstanding(instructions.values()),
         model=load_model(f"reference:{source}"),
         prior=prior,
+        coverage_width_m=coverage_width_m,
     )
     assert isinstance(driver, PlanningAgent)
     for instruction_id, instruction in instructions.items():

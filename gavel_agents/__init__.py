@@ -46,7 +46,8 @@ def make(name: str, **options: Any) -> Agent:
     Args:
         name: one of `agent_names()`, or `gavel` for `gavel-full`.
         options: for the built-in methods: `understanding` (an `Understanding`), `model` (a `ChatModel`), `prior`
-            ("choice", "rsn", "uniform" or a `Prior`), `profile` (a rules `Profile`), `on_surprise` ("stop" or "next").
+            ("choice", "rsn", "uniform" or a `Prior`), `profile` (a rules `Profile`), `on_surprise` ("stop" or "next"),
+            `coverage_width_m` (w_cov of the cost model; default: as measured on the executor).
             Agents take what they need and must ignore what they don't.
 
     Raises:
@@ -71,6 +72,7 @@ def make(name: str, **options: Any) -> Agent:
 
 def _planning_agent(name: str, **options: Any) -> Agent:
     from gavel_agents.belief import load_prior
+    from gavel_agents.cost import COVERAGE_WIDTH_M
     from gavel_agents.methods import METHODS
     from gavel_agents.pipeline import PlanningAgent
     from gavel_env.dynamics import Profile
@@ -95,6 +97,7 @@ def _planning_agent(name: str, **options: Any) -> Agent:
         profile=options.get("profile", Profile.PAPER),
         ontology=options.get("ontology"),
         on_surprise=options.get("on_surprise", "stop"),
+        coverage_width_m=options.get("coverage_width_m", COVERAGE_WIDTH_M),
     )
 
 

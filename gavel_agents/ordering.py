@@ -62,7 +62,7 @@ def expected_costs(
     for i, first in enumerate(firsts):
         for j, plan in enumerate(plans):
             if i != j:
-                pairwise[i, j] = travel.rollout(plan, first.end, beliefs, cells, first.found).metres
+                pairwise[i, j] = travel.rollout(plan, first.end, beliefs, cells, first.found, first.searched).metres
     return Costs(np.array([f.metres for f in firsts]), pairwise)
 
 

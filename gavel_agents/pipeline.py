@@ -17,7 +17,7 @@ from gavel_agents.base import AgentTrace, stage
 from gavel_agents.belief import Belief, Prior
 from gavel_agents.believed import believed_graph, observe_flags
 from gavel_agents.binding import Binder
-from gavel_agents.cost import Place, TravelModel
+from gavel_agents.cost import COVERAGE_WIDTH_M, Place, TravelModel
 from gavel_agents.llm import ChatModel
 from gavel_agents.methods import MethodConfig
 from gavel_agents.ordering import expected_costs, orderings
@@ -50,6 +50,7 @@ class PlanningAgent:
         profile: Profile = Profile.PAPER,
         ontology: Ontology | None = None,
         on_surprise: Literal["stop", "next"] = "stop",
+        coverage_width_m: float = COVERAGE_WIDTH_M,
     ) -> None:
         """Configure the pipeline.
 
@@ -63,6 +64,7 @@ class PlanningAgent:
             ontology: affordances (default: the shipped ones).
             on_surprise: what to do when something is not in the piece where it was said to be: "stop" (the benchmarks'
                 sources are unique), or close that piece and try the "next" one that fits.
+            coverage_width_m: w_cov of the cost model (default: as measured on the executor; the paper's is 1.2 m).
         """
         self.name = name
         self.config = config
@@ -72,6 +74,7 @@ class PlanningAgent:
         self._prior = prior
         self._profile = profile
         self._on_surprise = on_surprise
+        self._coverage_width_m = coverage_width_m
         self._ontology = ontology or default_ontology()
         self._travel: TravelModel | None = None
 
@@ -87,7 +90,7 @@ class PlanningAgent:
         self._order: list[int] = []
         self._remaining: list[int] = []
         if self._travel is None or self._travel.layout is not observed.layout:
-            self._travel = TravelModel(observed.layout)
+            self._travel = TravelModel(observed.layout, self._coverage_width_m)
         instruction_id = str(info.get("instruction_id", ""))
         with stage(self.trace, "understand"):
             understood = self._understanding.understand(observed.instruction, instruction_id)

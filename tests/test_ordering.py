@@ -10,7 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gavel_agents.cost import TravelModel
+from eval.cli import main
+from eval.coverage import coverage, room_searches
+from gavel_agents.cost import COVERAGE_WIDTH_M, PAPER_COVERAGE_WIDTH_M, TravelModel
 from gavel_agents.ordering import Costs, expected_costs, held_karp, orderings
 from gavel_env.actions import parse_action
 from gavel_env.geometry import known_layout
@@ -104,7 +106,8 @@ def test_a_second_visit_is_driven_not_searched(travel: TravelModel) -> None:
     there_and_back = [parse_action(f"NAVIGATE_TO({x})") for x in ("cup", "shelf", "cup")]
     cost = travel.rollout(there_and_back, start, beliefs, {})
     search_shelf = travel.room_m[0, 3] + travel.found_fraction * travel.search_m[3]
-    assert cost.metres == pytest.approx(once.metres + search_shelf + travel.room_m[3, 0])
+    reached = 2 * travel.reach_m
+    assert cost.metres == pytest.approx(once.metres + search_shelf + travel.room_m[3, 0] - reached)
     assert cost.found == {"cup", "shelf"}
 
 
@@ -113,17 +116,79 @@ def test_pairwise_costs_start_where_the_first_task_ends(travel: TravelModel) -> 
     beliefs = MappingProxyType({"a": one_hot[0], "b": one_hot[4]})
     plans = [[parse_action("NAVIGATE_TO(a)")], [parse_action("NAVIGATE_TO(b)")]]
     costs = expected_costs(travel, plans, travel.at(travel.layout.start), beliefs, {})
-    half = travel.found_fraction
-    assert costs.pairwise_cost[0, 1] == pytest.approx(travel.room_m[0, 4] + half * travel.search_m[4])
-    assert costs.pairwise_cost[1, 0] == pytest.approx(travel.room_m[4, 0] + half * travel.search_m[0])
+    half, reach = travel.found_fraction, travel.reach_m
+    assert costs.pairwise_cost[0, 1] == pytest.approx(travel.room_m[0, 4] + half * travel.search_m[4] - reach)
+    assert costs.pairwise_cost[1, 0] == pytest.approx(travel.room_m[4, 0] + half * travel.search_m[0] - reach)
     assert costs.first_cost[1] == pytest.approx(
-        travel.layout.distance_to_room(travel.layout.start, travel.rooms[4]) + half * travel.search_m[4]
+        travel.layout.distance_to_room(travel.layout.start, travel.rooms[4]) + half * travel.search_m[4] - reach
     )
 
 
-def test_a_localised_object_costs_its_shortest_path(travel: TravelModel) -> None:
+def test_a_localised_object_costs_its_shortest_path_until_within_reach(travel: TravelModel) -> None:
     layout = travel.layout
     cell = layout.room_points["bedroom_0"]
     assert cell is not None
     cost = travel.rollout([parse_action("NAVIGATE_TO(bed)")], travel.at(layout.start), {}, {"bed": cell})
-    assert cost.metres == pytest.approx(layout.distance(layout.start, (cell,)))
+    metres = layout.distance(layout.start, (cell,))
+    assert metres is not None
+    assert cost.metres == pytest.approx(metres - travel.reach_m)
+    again = travel.rollout([parse_action("NAVIGATE_TO(bed)")], travel.at(cell), {}, {"bed": cell})
+    assert again.metres == 0.0
+
+
+def test_a_search_after_others_is_the_expectation_over_what_they_searched(travel: TravelModel) -> None:
+    start = travel.at(travel.layout.start)
+    belief = np.array([0.1, 0.4, 0.0, 0.3, 0.2])
+    searched = np.array([0.7, 0.25, 0.9, 0.0, 0.5])
+    unknown = belief * (1.0 - searched)
+    order = [r for r in np.argsort(-unknown) if belief[r] > 0.0]
+    expected = 0.0
+    for seen in itertools.product((False, True), repeat=5):
+        chance = float(np.prod(np.where(seen, searched, 1.0 - searched)))
+        left = [int(r) for r in order if not seen[r]]
+        for room in range(5):
+            if seen[room]:
+                metres = float(start.to_rooms_m[room])
+            elif room in left:
+                metres = kappa(travel, left, float(start.to_rooms_m[left[0]]), left.index(room))
+            else:
+                continue
+            expected += chance * belief[room] * metres
+    assert travel.search(start, belief, searched).metres == pytest.approx(expected)
+
+
+def test_a_search_leaves_rooms_searched_up_to_where_the_object_is(travel: TravelModel) -> None:
+    start = travel.at(travel.layout.start)
+    belief = np.array([0.0, 0.5, 0.0, 0.3, 0.2])
+    half = travel.found_fraction
+    left = travel.search(start, belief, np.zeros(5)).searched
+    assert left == pytest.approx([0.0, 0.5 + half * 0.5, 0.0, 0.2 + half * 0.3, half * 0.2])
+    before = np.array([0.2, 1.0, 0.0, 0.5, 0.0])
+    after = travel.search(start, belief, before).searched
+    assert (after >= before).all()
+    assert (after <= 1.0).all()
+    assert after[1] == 1.0
+
+
+def test_the_next_task_profits_from_the_rooms_that_the_first_will_have_searched(travel: TravelModel) -> None:
+    alike = np.full(len(travel.rooms), 1.0 / len(travel.rooms))
+    start = travel.at(travel.layout.start)
+    plans = [[parse_action("NAVIGATE_TO(a)")], [parse_action("NAVIGATE_TO(b)")]]
+    costs = expected_costs(travel, plans, start, {"a": alike, "b": alike}, {})
+    end = travel.rollout(plans[0], start, {"a": alike}, {}).end
+    afresh = travel.rollout(plans[1], end, {"b": alike}, {}).metres
+    assert costs.pairwise_cost[0, 1] < 0.9 * afresh
+
+
+def test_coverage_width_is_what_the_executor_takes_in_houses_of_no_benchmark() -> None:
+    searches = list(room_searches())
+    found = coverage(searches)
+    assert pytest.approx(COVERAGE_WIDTH_M, abs=0.05) == found.width_m
+    assert found.width_m > 3 * PAPER_COVERAGE_WIDTH_M
+    assert found.at_once > 0.9
+    assert all(s.until_seen_m <= s.metres for s in searches)
+
+
+def test_coverage_command_prints_the_width(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["eval", "coverage", "--scenes", "Benevolence_0_int", "Ihlen_0_int"]) == 0
+    assert "w_cov = " in capsys.readouterr().out
