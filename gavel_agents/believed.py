@@ -10,6 +10,7 @@ from gavel_agents.understanding import TaskUnderstanding
 from gavel_env.goals import Designator, Literal, Predicate
 from gavel_env.graph import Flag, Node, Relation, Room, SceneGraph, Support, World
 from gavel_env.ontology import Ontology, category_of
+from gavel_env.quantifiers import ON_FLOOR, WITHIN, Formula
 
 __all__ = ["believed_graph", "uncertain"]
 
@@ -32,7 +33,8 @@ def believed_graph(
     """
     tasks = tuple(tasks)
     designators = dict.fromkeys(d for task in tasks for d in task.objects)
-    nodes = {str(d): _node(d, ontology) for d in designators}
+    moved = _moved(tasks)
+    nodes = {str(d): _node(d, ontology, moved) for d in designators}
     graph = SceneGraph(World.of(rooms, connections, nodes), {}, {}, robot_room=robot_room)
     for designator in designators:
         room = _only_room(rooms, designator.room)
@@ -49,10 +51,29 @@ def uncertain(graph: SceneGraph) -> tuple[str, ...]:
     return tuple(obj for obj in graph.world.nodes if obj not in graph.supports)
 
 
-def _node(designator: Designator, ontology: Ontology) -> Node:
+def _node(designator: Designator, ontology: Ontology, moved: frozenset[str]) -> Node:
     name = designator.name if designator.name in ontology else category_of(designator.name)
     category = ontology[name]
-    return Node(str(designator), category, not category.graspable, designator.room)
+    carried = category.carryable and (str(designator) in moved or category.wipes)
+    return Node(str(designator), category, not (category.graspable or carried), designator.room)
+
+
+_MOVING = {p.value for p in Predicate if p.arity == 2} | {ON_FLOOR, WITHIN}
+
+
+def _moved(tasks: Iterable[TaskUnderstanding]) -> frozenset[str]:
+    """Return what goals want in, on or beside something else.
+
+    What takes both arms is mostly furniture, which stays where it is; of these only what a goal wants moved is movable.
+    """
+    moved: set[str] = set()
+    for task in tasks:
+        moved.update(str(lit.subject) for lit in task.goal.literals if lit.object is not None)
+        for condition in task.goal.conditions:
+            for atom, _, domains in condition.asked() if isinstance(condition, Formula) else ():
+                if atom.predicate in _MOVING:
+                    moved.update(domains.get(atom.args[0], atom.args[:1]))
+    return frozenset(moved)
 
 
 def _only_room(rooms: Mapping[str, Room], stated: str | None) -> str | None:
@@ -71,6 +92,9 @@ def _insert(graph: SceneGraph, relation: Literal) -> SceneGraph:
             return graph.place(subject, Support(Relation.FLOOR, room))
         node = graph.world.nodes[subject]._replace(stated_room=str(relation.object))
         return graph.with_nodes({subject: node})
+    if relation.predicate in (Predicate.NEXT_TO, Predicate.UNDER) and relation.object is not None:
+        a, b = sorted((subject, str(relation.object)))
+        return msgspec.structs.replace(graph, next_to=graph.next_to | {(a, b)})
     flag = relation.predicate.flag
     if flag is not None:
         return graph.with_flag(flag, frozenset((subject,)), value=not relation.negated)

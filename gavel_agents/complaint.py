@@ -13,7 +13,7 @@ from gavel_agents.plans import ParsedPlans
 from gavel_agents.validation import Verdict
 from gavel_env.actions import Action, Primitive
 from gavel_env.dynamics import Profile, Violation, ViolationKind
-from gavel_env.goals import Goal
+from gavel_env.goals import Condition, Goal, Literal
 from gavel_env.graph import Flag
 
 __all__ = ["CONTRACTS", "Complaint", "complain", "complaint"]
@@ -124,10 +124,14 @@ def complaint(verdict: Verdict, task: int | None = None, profile: Profile = Prof
         needs=needs,
         missing=missing,
         nearest=verdict.nearest,
-        unmet=tuple(str(condition) for condition in verdict.unmet),
+        unmet=tuple(map(_told, verdict.unmet)),
         left_open=tuple(obj for flag, obj in verdict.unsafe if flag is Flag.OPEN),
         left_on=tuple(obj for flag, obj in verdict.unsafe if flag is Flag.TOGGLED),
     )
+
+
+def _told(condition: Literal | Condition) -> str:
+    return str(condition) if isinstance(condition, Literal) else condition.text()
 
 
 _MOST_DROPPED = 3

@@ -116,6 +116,7 @@ class _Naming:
         self._known = tuple(dict.fromkeys((*goal_ids, *self._plan, *self._placed)))
         self._set_down = _set_down(spec.parsed_plan(), self._goal)
         self.names: dict[str, str] = {}
+        self._meant: dict[Designator, list[str]] = {}
         self._name_goal()
         self._name_rest()
 
@@ -137,6 +138,7 @@ class _Naming:
             fits = self._fitting(designator)
             new = [obj for obj in fits if obj not in self.names]
             used = [obj for obj in new if obj in self._plan]
+            self._meant[designator] = new or fits
             for obj in new:
                 by_id = obj in self._text_ids or (len(used) > 1 and obj in used)
                 self.names[obj] = obj if by_id else str(designator)
@@ -178,7 +180,7 @@ class _Naming:
         """Return the goal, with what has an id in one place called by it everywhere."""
 
         def renamed(designator: Designator) -> Designator:
-            names = {self.names[obj] for obj in self._fitting(designator) if obj in self.names}
+            names = {self.names[obj] for obj in self._meant.get(designator, ())}
             return Designator.parse(names.pop()) if len(names) == 1 else designator
 
         literals = []
@@ -267,8 +269,8 @@ class _Naming:
 
     def rooms(self) -> Iterator[Literal]:
         """Yield the room that the goal says of a piece which goes by another name."""
-        for designator in goal_designators(self._goal):
-            for obj in self._fitting(designator) if designator.room is not None else ():
+        for designator, meant in self._meant.items():
+            for obj in meant if designator.room is not None else ():
                 if self.names.get(obj) == obj and obj not in self._placed:
                     yield Literal(Predicate.IN_ROOM, Designator(obj), Designator(str(designator.room)))
 

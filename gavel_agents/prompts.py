@@ -136,7 +136,7 @@ def retry_prompt(first: tuple[Message, ...], answer: str, complaint: str) -> tup
 def _describe(graph: SceneGraph, node: str, likely: Mapping[str, Sequence[str]]) -> str:
     category = graph.category(node)
     features = []
-    if category.graspable and not graph.world.nodes[node].fixed:
+    if category.liftable and not graph.world.nodes[node].fixed:
         features.append("can be carried")
     if category.surface:
         features.append("surface")
@@ -146,6 +146,12 @@ def _describe(graph: SceneGraph, node: str, likely: Mapping[str, Sequence[str]])
         features.append("door (open)" if graph.has(Flag.OPEN, node) else "door (closed)")
     if category.toggleable:
         features.append("switch (on)" if graph.has(Flag.TOGGLED, node) else "switch (off)")
+    features += [flag.name.lower() for flag in (Flag.HOT, Flag.FROZEN, Flag.DIRTY) if graph.has(flag, node)]
+    if graph.flags[Flag.DIRTY]:
+        if category.wipes:
+            features.append("wipes what it is put on top of")
+        if category.rinses:
+            features.append("rinses what is inside when switched on")
     return f"{', '.join(features) or 'fixed'}; {_where(graph, node, likely)}"
 
 

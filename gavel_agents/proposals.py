@@ -98,8 +98,11 @@ def _judge(problem: Problem, plans: Sequence[Plan], trace: AgentTrace, *, repair
         if repairing:
             with stage(trace, "repair"):
                 repaired = repair(problem.graph, proposed, task.goal, cost=problem.cost, profile=problem.profile)
-            plan, verdict = repaired.plan, repaired.verdict
-            edits = repaired.trace
+            plan, verdict, edits = repaired.plan, repaired.verdict, repaired.trace
+            if task.goal.conditions and not verdict.valid and verdict.rank[:3] <= repaired.before.rank[:3]:
+                # Shorter is no better where part of the goal is beyond the edit rules: what they take for needless may
+                # be for that part.
+                plan, verdict, edits = proposed, repaired.before, ()
         else:
             plan = proposed
             with stage(trace, "validate"):

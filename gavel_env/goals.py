@@ -109,6 +109,10 @@ class Condition(Protocol):
         """Return whether the condition asks for `flag` on `obj`."""
         ...
 
+    def text(self) -> str:
+        """Return the condition in words."""
+        ...
+
 
 class Goal(msgspec.Struct, frozen=True):
     """A conjunction of literals, and of further conditions if the task has any."""
@@ -134,8 +138,8 @@ class Goal(msgspec.Struct, frozen=True):
         return frozenset(lit.subject for lit in self.literals)
 
     def text(self) -> tuple[str, ...]:
-        """Return the literals in text form."""
-        return tuple(str(lit) for lit in self.literals)
+        """Return the literals in text form, and the conditions in words."""
+        return (*(str(lit) for lit in self.literals), *(condition.text() for condition in self.conditions))
 
 
 _LITERAL = re.compile(r"^\s*(not\s+|!\s*|~\s*)?([A-Za-z_]+)\s*\(\s*([^(),]+?)\s*(?:,\s*([^(),]+?)\s*)?\)\s*$")

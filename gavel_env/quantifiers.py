@@ -13,7 +13,7 @@ of each domain as the smaller one has are in some pair.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias, cast
 
 import msgspec
 
@@ -80,6 +80,10 @@ class _Evaluated(Protocol):
 
 class _Condition(msgspec.Struct, frozen=True, tag_field="is", forbid_unknown_fields=True):
     """What all conditions share; implements `goals.Condition`."""
+
+    def text(self: _Evaluated) -> str:
+        """Return the condition as it is told to planners: `each A of apple_0, apple_1: inside(A, fridge_0)`."""
+        return _told(cast("Formula", self), {})
 
     def holds(self: _Evaluated, graph: SceneGraph) -> bool:
         """Return whether the condition holds in `graph`."""
@@ -292,6 +296,47 @@ def _on_floor(graph: SceneGraph, obj: str, room: str) -> bool:
 
 def _is_within(graph: SceneGraph, obj: str, containers: tuple[str, ...]) -> bool:
     return any(relation is Relation.INSIDE and holder in containers for relation, holder in graph.holders(obj))
+
+
+_LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+
+
+def _told(formula: Formula, names: Mapping[str, str]) -> str:
+    """Return a condition in words, its variables named by letters or, where only one thing can be meant, by that."""
+    if isinstance(formula, Atom):
+        return f"{formula.predicate}({', '.join(names.get(a, a) for a in formula.args)})"
+    if isinstance(formula, Not):
+        return f"not {_enclosed(formula.body, names)}"
+    if isinstance(formula, And | Or):
+        return (" and " if isinstance(formula, And) else " or ").join(_enclosed(part, names) for part in formula.parts)
+    if isinstance(formula, Imply):
+        return f"if {_enclosed(formula.premise, names)} then {_enclosed(formula.body, names)}"
+    if isinstance(formula, ForPairs):
+        a, b = _letter(names, 0), _letter(names, 1)
+        body = _told(formula.body, {**names, formula.variable: a, formula.other_variable: b})
+        return f"pair off {a} of {_listed(formula.domain)} with {b} of {_listed(formula.other_domain)}: {body}"
+    if isinstance(formula, ForAll | Exists) and len(formula.domain) == 1:
+        return _told(formula.body, {**names, formula.variable: formula.domain[0]})
+    letter = _letter(names, 0)
+    how = "each" if isinstance(formula, ForAll) else "some"
+    if isinstance(formula, ForN):
+        how = f"exactly {formula.count}"
+    return f"{how} {letter} of {_listed(formula.domain)}: {_told(formula.body, {**names, formula.variable: letter})}"
+
+
+def _enclosed(formula: Formula, names: Mapping[str, str]) -> str:
+    told = _told(formula, names)
+    simple = isinstance(formula, Atom) or (isinstance(formula, Not) and isinstance(formula.body, Atom))
+    return told if simple else f"({told})"
+
+
+def _listed(domain: tuple[str, ...]) -> str:
+    return ", ".join(domain)
+
+
+def _letter(names: Mapping[str, str], further: int) -> str:
+    used = sum(len(name) == 1 for name in names.values())
+    return _LETTERS[(used + further) % len(_LETTERS)]
 
 
 def literal_of(predicate: str, args: list[str] | tuple[str, ...], negated: bool = False) -> Literal:

@@ -1,20 +1,24 @@
 """Model-derived edits: one table from what a verdict says to small named rules that change the plan.
 
 `VIOLATION_RULES` is keyed by the violated precondition, `LITERAL_RULES` by the predicate of an unmet goal literal,
-`SAFETY_RULES` by what the plan leaves open or on. `offers` lists the edits for a verdict, best first.
+`SAFETY_RULES` by what the plan leaves open or on. Quantified conditions are seen to as literals (`grounding`). `offers`
+lists the edits for a verdict, best first.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+import msgspec
+
 from gavel_agents.edits.base import Case, Change, Edit
 from gavel_agents.edits.endings import LITERAL_RULES, SAFETY_RULES, in_order
+from gavel_agents.edits.grounding import grounded
 from gavel_agents.edits.pruning import prune
 from gavel_agents.edits.violations import VIOLATION_RULES
 from gavel_agents.validation import Verdict
 from gavel_env.dynamics import Profile
-from gavel_env.goals import Goal, Literal
+from gavel_env.goals import Goal, Literal, unmet
 from gavel_env.graph import Flag
 
 __all__ = ["LITERAL_RULES", "SAFETY_RULES", "VIOLATION_RULES", "Case", "Change", "Edit", "offers", "prune"]
@@ -22,6 +26,9 @@ __all__ = ["LITERAL_RULES", "SAFETY_RULES", "VIOLATION_RULES", "Case", "Change",
 
 def offers(verdict: Verdict, goal: Goal, profile: Profile = Profile.PAPER) -> Iterator[Edit]:
     """Yield the model-derived edits of a verdict's plan, best first; none = left to the model."""
+    if goal.conditions:
+        goal = grounded(goal, verdict)
+        verdict = msgspec.structs.replace(verdict, unmet=unmet(goal, verdict.end))
     case = Case(verdict, goal, profile)
     if verdict.violation is not None:
         kind, subject, blocker, _ = verdict.violation

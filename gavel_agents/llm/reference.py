@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from gavel_agents.llm.base import Completion, Prompt
+from gavel_agents.naming import spoken
 from gavel_env.actions import Action
 from gavel_env.goals import Designator
 from gavel_env.instructions import Instruction, read_instructions, shipped
@@ -56,7 +57,10 @@ def written(instruction: Instruction, plans: Sequence[Sequence[Action]]) -> str:
         lines.append(f"Task {index + 1}:")
         said = targets[index].get("objects", ()) if index < len(targets) else ()
         names = {Designator.parse(text).name: text for text in said}
+        if index >= len(targets) and index < len(instruction.tasks):
+            names = dict(spoken(instruction, index).names)
         for action in plan:
-            category = category_of(action.target or "")
-            lines.append(f"{action.primitive.name} {names.get(category, category)}".strip())
+            target = action.target or ""
+            category = category_of(target)
+            lines.append(f"{action.primitive.name} {names.get(target) or names.get(category, category)}".strip())
     return "\n".join(lines)
