@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -30,13 +31,13 @@ TEMPLATE = (
 
 
 def tiny_model(folder: Path, *, template: str | None = TEMPLATE, context: int = 256) -> Path:
-    """Save a random two-layer model with a tokenizer of single characters."""
-    from tokenizers import Regex, Tokenizer, models, pre_tokenizers
+    """Save a random two-layer model with a tokenizer of single bytes."""
+    from tokenizers import Tokenizer, decoders, models, pre_tokenizers
 
-    letters = [chr(c) for c in range(32, 127)] + ["\n"]
-    tokens = ["<pad>", "<eos>", "<unk>", *letters]
-    inner = Tokenizer(models.WordLevel({token: i for i, token in enumerate(tokens)}, unk_token="<unk>"))
-    inner.pre_tokenizer = pre_tokenizers.Split(Regex("."), behavior="isolated")
+    tokens = ["<pad>", "<eos>", "<unk>", *sorted(pre_tokenizers.ByteLevel.alphabet())]
+    inner = Tokenizer(models.BPE({token: i for i, token in enumerate(tokens)}, [], unk_token="<unk>"))
+    inner.pre_tokenizer = pre_tokenizers.ByteLevel(add_prefix_space=False)
+    inner.decoder = decoders.ByteLevel()
     fast: Any = transformers.PreTrainedTokenizerFast
     tokenizer = fast(tokenizer_object=inner, pad_token="<pad>", eos_token="<eos>", unk_token="<unk>")
     tokenizer.chat_template = template
@@ -146,3 +147,23 @@ def test_what_cannot_be_loaded_is_said(folder: Path, tmp_path: Path) -> None:
     if not torch.cuda.is_available():
         with pytest.raises(BadPlannerSpec, match="4 bits need a CUDA device"):
             load_model(f"hf:{folder}?quantize=4bit")
+
+
+SCHEMA = {
+    "type": "object",
+    "properties": {"n": {"enum": [1, 2]}},
+    "required": ["n"],
+    "additionalProperties": False,
+}
+
+
+def test_prompts_with_a_schema_are_answered_in_its_form_beside_others(model: HfModel) -> None:
+    pytest.importorskip("llguidance")
+    free = prompts("the apple", "on")
+    held = [Prompt(prompt.messages, schema=SCHEMA) for prompt in free]
+    mixed = model.complete([free[0], held[1]])
+    assert all(json.loads(answer.text)["n"] in (1, 2) for answer in model.complete(held))
+    assert mixed[1].text == model.complete(held)[1].text
+    assert mixed[0].text == model.complete(free)[0].text
+    with pytest.raises(ModelError, match="schema"):
+        model.complete([Prompt(free[0].messages, schema={"type": "no such type"})])
