@@ -59,7 +59,7 @@ class HfModel:
             )
         tokenizer, model = load_local(source, **loading)
         if "adapter" in options:
-            model = _adapted(model, options["adapter"])
+            model = _adapted(model, options["adapter"], in_4_bits="quantize" in options)
         if not tokenizer.chat_template:
             raise BadPlannerSpec(f"planner hf:{source}: the model has no chat template; take its instruction-tuned one")
         if "quantize" not in options:
@@ -154,8 +154,8 @@ class HfModel:
         return stop + 1
 
 
-def _adapted(model: Any, adapter: str) -> Any:
-    """Return a model with a peft adapter.
+def _adapted(model: Any, adapter: str, *, in_4_bits: bool) -> Any:
+    """Return a model with a peft adapter, merged into its weights where these are floats.
 
     Raises:
         BadPlannerSpec: the package peft is missing.
@@ -164,8 +164,9 @@ def _adapted(model: Any, adapter: str) -> Any:
     try:
         import peft
 
-        return peft.PeftModel.from_pretrained(model, adapter)
+        adapted: Any = peft.PeftModel.from_pretrained(model, adapter)
     except ImportError as error:
         raise BadPlannerSpec("an adapter needs peft: pip install 'gavel-env[llm]'") from error
     except (OSError, ValueError) as error:
         raise ModelError(f"adapter {adapter} cannot be loaded: {' '.join(str(error).split())[:300]}") from error
+    return adapted if in_4_bits else adapted.merge_and_unload()
