@@ -109,7 +109,8 @@ def _print(name: str, reports: dict[str, Report], mistakes: int) -> None:
             console.print(f"[bold]{sample.id}[/bold] {sample.text}", highlight=False)
             console.print("  meant: " + " | ".join(str((*t.relations, "->", *t.goal)) for t in sample.tasks))
             console.print(
-                "  read:  " + (got.refused or " | ".join(str((*t.relations, "->", *t.goal.text())) for t in got.tasks))
+                "  read:  "
+                + (got.refused or " | ".join(str((*map(str, t.relations), "->", *t.goal.text())) for t in got.tasks))
             )
 
 
