@@ -179,7 +179,9 @@ def test_pair_splits_are_fixed_symmetric_and_of_the_stated_shares() -> None:
 
 def test_knobs_are_kept() -> None:
     knobs = Knobs(count=6, seed=3, houses=("Merom_1_int", "house_single_floor"), horizon=(12, 20), rooms=(3, 5))
-    for record in generate(knobs):
+    records = list(generate(knobs))
+    assert len(records) == 6
+    for record in records:
         assert 12 <= len(record.reference_plan()) <= 20
         assert 2 <= len(record.tasks) <= 5
     singles = list(generate(Knobs(kind="single", count=3, houses=("Rs_int",), distractors=4)))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 from gavel_agents.llm.base import ChatModel, Completion, Prompt
 from gavel_agents.llm.hosted import ModelError
@@ -64,6 +65,7 @@ class BatchingModel:
         self._waiting: list[_Call] = []
         self._arrived = 0
         self._led = False
+        self._asking = ThreadPoolExecutor(max_workers=1)  # its futures bring errors to the threads that asked
 
     def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         """Return one completion per prompt, in order; raise what the model raises for these prompts."""
@@ -126,16 +128,19 @@ class BatchingModel:
     def _ask(self, batch: Sequence[_Call]) -> None:
         """Ask the calls of a batch together; if that fails, each alone, so that an error reaches its callers only."""
         prompts = [prompt for call in batch for prompt in call.prompts]
-        try:
-            answers = self._model.complete(prompts)
-            if len(answers) != len(prompts):
-                raise ModelError(f"{self.name} gave {len(answers)} completions for {len(prompts)} prompts")
-        except Exception as error:  # noqa: BLE001  it is raised where it belongs: in the thread that asked
-            if len(batch) == 1:
-                batch[0].error = error
-            else:
-                for call in batch:
-                    self._ask([call])
+        asked = self._asking.submit(self._model.complete, prompts)
+        error = asked.exception()
+        if error is not None and not isinstance(error, Exception):  # an interruption is this thread's own
+            raise error
+        answers = asked.result() if error is None else []
+        if error is None and len(answers) != len(prompts):
+            error = ModelError(f"{self.name} gave {len(answers)} completions for {len(prompts)} prompts")
+        if error is not None and len(batch) > 1:
+            for call in batch:
+                self._ask([call])
+            return
+        if error is not None:
+            batch[0].error = error
             return
         for call in batch:
             call.answers, answers = answers[: len(call.prompts)], answers[len(call.prompts) :]
