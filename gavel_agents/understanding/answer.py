@@ -18,6 +18,7 @@ from typing import Any
 
 import msgspec
 
+from gavel_agents.llm.grammar import MOST_TASKS
 from gavel_agents.understanding.base import Abstention, Decomposition, TaskUnderstanding
 from gavel_agents.understanding.checks import can_be, check_capable, check_possible
 from gavel_agents.understanding.mentions import Mentions
@@ -72,7 +73,7 @@ def answer_schema(
     }
     return {
         "type": "object",
-        "properties": {"tasks": {"type": "array", "items": task, "minItems": 1, "maxItems": 9}},
+        "properties": {"tasks": {"type": "array", "items": task, "minItems": 1, "maxItems": MOST_TASKS}},
         "required": ["tasks"],
         "additionalProperties": False,
     }
