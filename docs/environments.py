@@ -8,10 +8,10 @@ from __future__ import annotations
 import inspect
 from pathlib import Path
 
-from gavel_env.dynamics import ViolationKind
-from gavel_env.env import GavelEnv
-from gavel_env.observation import NODE_COLUMNS, EdgeType
-from gavel_env.wrappers import FlatActions, PaddedGraph, TextActions
+from gavel_env.envs.env import GavelEnv
+from gavel_env.envs.spaces import NODE_COLUMNS, EdgeType
+from gavel_env.envs.wrappers import FlatActions, PaddedGraph, TextActions
+from gavel_env.world_model.dynamics import ViolationKind
 
 PAGE = Path(__file__).with_suffix(".md")
 

@@ -45,7 +45,8 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"gavel {_version()}")
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for name in sorted(module.name for module in pkgutil.iter_modules(commands.__path__)):
+    names = sorted(module.name for module in pkgutil.iter_modules(commands.__path__))
+    for name in (name for name in names if not name.startswith("_")):
         module = cast(CommandModule, importlib.import_module(f"{commands.__name__}.{name}"))
         module.register(subparsers)
     return parser

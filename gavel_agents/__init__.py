@@ -9,7 +9,7 @@ from collections.abc import Callable
 from importlib import metadata
 from typing import Any
 
-from gavel_agents.base import Agent, AgentTrace, Privileged, TaskTrace
+from gavel_agents.agent import Agent, AgentTrace, Privileged, TaskTrace
 from gavel_env.errors import UnknownAgent
 
 __all__ = ["Agent", "AgentTrace", "Privileged", "TaskTrace", "agent_names", "make", "register", "verify"]
@@ -71,11 +71,11 @@ def make(name: str, **options: Any) -> Agent:
 
 
 def _planning_agent(name: str, **options: Any) -> Agent:
-    from gavel_agents.belief import load_prior
-    from gavel_agents.cost import COVERAGE_WIDTH_M
+    from gavel_agents.beliefs.belief import load_prior
     from gavel_agents.methods import METHODS
+    from gavel_agents.ordering.cost import COVERAGE_WIDTH_M
     from gavel_agents.pipeline import PlanningAgent
-    from gavel_env.dynamics import Profile
+    from gavel_env.world_model.dynamics import Profile
 
     config = METHODS[name]
     model = options.get("model")

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from gavel_env.actions import Action, Primitive
-from gavel_env.graph import Relation, SceneGraph
-from gavel_env.observed import EnvAction, Observed
-from gavel_env.ontology import category_of
+from gavel_env.exchange import EnvAction, Observed
+from gavel_env.world_model.actions import Action, Primitive
+from gavel_env.world_model.graph import Relation, SceneGraph
+from gavel_env.world_model.ontology import category_of
 
 __all__ = ["Binder"]
 

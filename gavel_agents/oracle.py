@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gavel_agents.base import AgentTrace, TaskTrace, stage
-from gavel_env.actions import Action, Primitive
-from gavel_env.dynamics import apply, first_violation
-from gavel_env.episode import Privileged
-from gavel_env.goals import Goal, unmet
-from gavel_env.graph import SceneGraph
-from gavel_env.observed import EnvAction
+from gavel_agents.agent import AgentTrace, TaskTrace, stage
+from gavel_env.exchange import EnvAction
+from gavel_env.sim.episode import Privileged
+from gavel_env.world_model.actions import Action, Primitive
+from gavel_env.world_model.dynamics import apply, first_violation
+from gavel_env.world_model.goals import Goal, unmet
+from gavel_env.world_model.graph import SceneGraph
 
 __all__ = ["OracleAgent"]
 

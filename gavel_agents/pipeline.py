@@ -13,23 +13,23 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from gavel_agents.base import AgentTrace, stage
-from gavel_agents.belief import Belief, Prior
-from gavel_agents.believed import believed_graph, observe_flags
+from gavel_agents.agent import AgentTrace, stage
+from gavel_agents.beliefs.belief import Belief, Prior
+from gavel_agents.beliefs.believed_graph import believed_graph, observe_flags
 from gavel_agents.binding import Binder
-from gavel_agents.cost import COVERAGE_WIDTH_M, Place, TravelModel
 from gavel_agents.llm import ChatModel
 from gavel_agents.methods import MethodConfig
-from gavel_agents.ordering import expected_costs, orderings
-from gavel_agents.proposals import Planned, Problem, edited_plans, proposed_plans
+from gavel_agents.ordering.cost import COVERAGE_WIDTH_M, Place, TravelModel
+from gavel_agents.ordering.order import expected_costs, orderings
+from gavel_agents.proposing.proposals import Planned, Problem, edited_plans, proposed_plans
 from gavel_agents.understanding import TaskUnderstanding, Understanding
-from gavel_agents.validation import Plan, validate
-from gavel_env.actions import Action, Primitive
-from gavel_env.dynamics import Profile, apply, first_violation
-from gavel_env.goals import Goal
-from gavel_env.graph import Relation, SceneGraph, Support
-from gavel_env.observed import EnvAction, Observed
-from gavel_env.ontology import Ontology, default_ontology
+from gavel_env.exchange import EnvAction, Observed
+from gavel_env.world_model.actions import Action, Primitive
+from gavel_env.world_model.dynamics import Profile, apply, first_violation
+from gavel_env.world_model.goals import Goal
+from gavel_env.world_model.graph import Relation, SceneGraph, Support
+from gavel_env.world_model.ontology import Ontology, default_ontology
+from gavel_env.world_model.verdict import Plan, validate
 
 __all__ = ["PlanningAgent"]
 

@@ -10,20 +10,20 @@ from typing import Any
 
 import msgspec
 
-from gavel_agents.complaint import complaint
-from gavel_agents.names import resolve
-from gavel_agents.plans import Dropped, ParsedPlans, parse_plans
-from gavel_agents.repair import Repaired
-from gavel_agents.repair import repair as repair_plan
-from gavel_agents.validation import CostFunction, Plan, Verdict, validate
-from gavel_env.actions import Action
-from gavel_env.dynamics import Profile
+from gavel_agents.edits.repair import Repaired
+from gavel_agents.edits.repair import repair as repair_plan
+from gavel_agents.proposing.complaint import complaint
+from gavel_agents.proposing.parse import Dropped, ParsedPlans, parse_plans
+from gavel_agents.proposing.resolve import resolve
 from gavel_env.errors import InstructionError, UnknownInstruction
-from gavel_env.goals import Goal
-from gavel_env.graph import Flag, SceneGraph
-from gavel_env.grounding import instruction_graph
-from gavel_env.instructions import Instruction, InstructionSet, parse_instruction, read_instructions
-from gavel_env.scenes import load_scene
+from gavel_env.house.scenes import load_scene
+from gavel_env.instructions.initial_graph import instruction_graph
+from gavel_env.instructions.record import Instruction, InstructionSet, parse_instruction, read_instructions
+from gavel_env.world_model.actions import Action
+from gavel_env.world_model.dynamics import Profile
+from gavel_env.world_model.goals import Goal
+from gavel_env.world_model.graph import Flag, SceneGraph
+from gavel_env.world_model.verdict import CostFunction, Plan, Verdict, validate
 
 __all__ = ["Verified", "find_instruction", "verify", "verify_on_graph"]
 

@@ -12,20 +12,20 @@ from typing import TYPE_CHECKING, Any
 from gymnasium.envs.registration import register
 
 if TYPE_CHECKING:
-    from gavel_env.actions import Action, Primitive, parse_action
-    from gavel_env.config import RobotConfig
-    from gavel_env.dynamics import Profile, Violation, ViolationKind
-    from gavel_env.env import GavelEnv
-    from gavel_env.episode import Judgement
+    from gavel_env.envs.env import GavelEnv
+    from gavel_env.envs.rewards import RewardWeights
+    from gavel_env.envs.wrappers import FlatActions, PaddedGraph, TextActions
     from gavel_env.errors import GavelError
-    from gavel_env.goals import Goal, parse_goal, unmet
-    from gavel_env.graph import SceneGraph
-    from gavel_env.instructions import Instruction, read_instructions
-    from gavel_env.observed import EnvAction, Observed
-    from gavel_env.pddl import export_pddl
-    from gavel_env.rewards import RewardWeights
-    from gavel_env.scenes import load_scene, scene_names
-    from gavel_env.wrappers import FlatActions, PaddedGraph, TextActions
+    from gavel_env.exchange import EnvAction, Observed
+    from gavel_env.house.robot_config import RobotConfig
+    from gavel_env.house.scenes import load_scene, scene_names
+    from gavel_env.instructions.record import Instruction, read_instructions
+    from gavel_env.sim.episode import Judgement
+    from gavel_env.world_model.actions import Action, Primitive, parse_action
+    from gavel_env.world_model.dynamics import Profile, Violation, ViolationKind
+    from gavel_env.world_model.goals import Goal, parse_goal, unmet
+    from gavel_env.world_model.graph import SceneGraph
+    from gavel_env.world_model.pddl import export_pddl
 
 __all__ = [
     "Action",
@@ -56,31 +56,31 @@ __all__ = [
 ]
 
 _HOME = {
-    "Action": "actions",
-    "EnvAction": "observed",
-    "FlatActions": "wrappers",
-    "GavelEnv": "env",
+    "Action": "world_model.actions",
+    "EnvAction": "exchange",
+    "FlatActions": "envs.wrappers",
+    "GavelEnv": "envs.env",
     "GavelError": "errors",
-    "Goal": "goals",
-    "Instruction": "instructions",
-    "Judgement": "episode",
-    "Observed": "observed",
-    "PaddedGraph": "wrappers",
-    "Primitive": "actions",
-    "Profile": "dynamics",
-    "RewardWeights": "rewards",
-    "RobotConfig": "config",
-    "SceneGraph": "graph",
-    "TextActions": "wrappers",
-    "Violation": "dynamics",
-    "ViolationKind": "dynamics",
-    "export_pddl": "pddl",
-    "load_scene": "scenes",
-    "parse_action": "actions",
-    "parse_goal": "goals",
-    "read_instructions": "instructions",
-    "scene_names": "scenes",
-    "unmet": "goals",
+    "Goal": "world_model.goals",
+    "Instruction": "instructions.record",
+    "Judgement": "sim.episode",
+    "Observed": "exchange",
+    "PaddedGraph": "envs.wrappers",
+    "Primitive": "world_model.actions",
+    "Profile": "world_model.dynamics",
+    "RewardWeights": "envs.rewards",
+    "RobotConfig": "house.robot_config",
+    "SceneGraph": "world_model.graph",
+    "TextActions": "envs.wrappers",
+    "Violation": "world_model.dynamics",
+    "ViolationKind": "world_model.dynamics",
+    "export_pddl": "world_model.pddl",
+    "load_scene": "house.scenes",
+    "parse_action": "world_model.actions",
+    "parse_goal": "world_model.goals",
+    "read_instructions": "instructions.record",
+    "scene_names": "house.scenes",
+    "unmet": "world_model.goals",
 }
 
 
@@ -96,19 +96,19 @@ def __getattr__(name: str) -> Any:
 
 register(
     id="Gavel-SingleTask-v0",
-    entry_point="gavel_env.env:GavelEnv",
+    entry_point="gavel_env.envs.env:GavelEnv",
     max_episode_steps=200,
     kwargs={"instructions": "single"},
 )
 register(
     id="Gavel-MultiTask-v0",
-    entry_point="gavel_env.env:GavelEnv",
+    entry_point="gavel_env.envs.env:GavelEnv",
     max_episode_steps=500,
     kwargs={"instructions": "multi"},
 )
 register(
     id="Gavel-Behavior-v0",
-    entry_point="gavel_env.env:GavelEnv",
+    entry_point="gavel_env.envs.env:GavelEnv",
     max_episode_steps=500,
     kwargs={"instructions": "behavior", "max_nodes": 4096},
 )

@@ -24,7 +24,10 @@ def run_python(*arguments: str) -> subprocess.CompletedProcess[str]:
     ("statement", "heavy"),
     [
         ("import gavel_env", ["gavel_agents", "eval", "torch", "pandas", "matplotlib", "numba", "cv2", "openai"]),
-        ("import gavel_agents", ["eval", "gavel_env.env", "gavel_env.executor", "gavel_env.sensor", "torch"]),
+        (
+            "import gavel_agents",
+            ["eval", "gavel_env.envs.env", "gavel_env.sim.executor", "gavel_env.sim.sensor", "torch"],
+        ),
         ("from eval.cli import build_parser; build_parser()", ["pandas", "numba", "cv2", "torch", "rich"]),
     ],
 )

@@ -23,13 +23,13 @@ from gavel_env.activities.grounding import Grounding, ground, reachable_in
 from gavel_env.activities.scope import Ungroundable
 from gavel_env.activities.wording import text_of
 from gavel_env.errors import GavelError
-from gavel_env.goals import Designator, Literal
-from gavel_env.graph import SceneGraph
-from gavel_env.grounding import instruction_graph, scene_graph
-from gavel_env.instructions import Instruction, TaskSpec
-from gavel_env.quantifiers import Formula, conjuncts, plain_literals
-from gavel_env.scenes import Scene, load_scene, scene_names
+from gavel_env.house.scenes import Scene, load_scene, scene_names
+from gavel_env.instructions.initial_graph import instruction_graph, scene_graph
+from gavel_env.instructions.record import Instruction, TaskSpec
 from gavel_env.tasks.driving import drive
+from gavel_env.world_model.conditions import Formula, conjuncts, plain_literals
+from gavel_env.world_model.goals import Designator, Literal
+from gavel_env.world_model.graph import SceneGraph
 
 __all__ = ["Attempt", "MOST_NODES", "Outcome", "build", "certified_in", "main", "outcome_of"]
 

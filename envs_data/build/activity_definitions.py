@@ -11,9 +11,9 @@ from pathlib import Path
 import msgspec
 
 from envs_data.build.common import BDDL_VERSION, ancestors, bddl_root
+from gavel_env.activities.bddl import Problem, parse_problem, predicates, synset_of
 from gavel_env.activities.definitions import FORMAT, Activity
-from gavel_env.bddl import Problem, parse_problem, predicates, synset_of
-from gavel_env.ontology import load_ontology
+from gavel_env.world_model.ontology import load_ontology
 
 __all__ = ["CORE", "EXTENDED", "build", "classify", "dirt_of", "main", "problems"]
 

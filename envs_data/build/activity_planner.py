@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 from envs_data.build.activity_steps import Doer, Stuck
 from envs_data.build.activity_wants import about_nearness, choices
-from gavel_env.actions import Action
-from gavel_env.dynamics import rollout, unsafe
-from gavel_env.goals import Goal, unmet
-from gavel_env.graph import SceneGraph
-from gavel_env.quantifiers import Formula, conjuncts
+from gavel_env.world_model.actions import Action
+from gavel_env.world_model.conditions import Formula, conjuncts
+from gavel_env.world_model.dynamics import rollout, unsafe
+from gavel_env.world_model.goals import Goal, unmet
+from gavel_env.world_model.graph import SceneGraph
 
 __all__ = ["Found", "find_plan"]
 

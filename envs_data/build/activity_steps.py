@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 from envs_data.build.activity_wants import Spot, Wants
-from gavel_env.actions import Action, Primitive
-from gavel_env.dynamics import apply, first_violation
-from gavel_env.graph import Flag, Relation, SceneGraph
-from gavel_env.ontology import Category
+from gavel_env.world_model.actions import Action, Primitive
+from gavel_env.world_model.dynamics import apply, first_violation
+from gavel_env.world_model.graph import Flag, Relation, SceneGraph
+from gavel_env.world_model.ontology import Category
 
 __all__ = ["Doer", "Stuck"]
 

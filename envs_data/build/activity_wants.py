@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from gavel_env.graph import Flag, Relation, SceneGraph
-from gavel_env.quantifiers import (
+from gavel_env.world_model.conditions import (
     ON_FLOOR,
     WITHIN,
     And,
@@ -27,6 +26,7 @@ from gavel_env.quantifiers import (
     Not,
     Or,
 )
+from gavel_env.world_model.graph import Flag, Relation, SceneGraph
 
 __all__ = ["BEAM", "Spot", "Wants", "about_nearness", "choices"]
 

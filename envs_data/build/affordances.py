@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 from envs_data.build.activity_definitions import problems
 from envs_data.build.common import Size, activities, ancestors, properties
-from gavel_env.bddl import Node, synset_of
-from gavel_env.ontology import Mount
+from gavel_env.activities.bddl import Node, synset_of
+from gavel_env.world_model.ontology import Mount
 
 __all__ = [
     "CONFERS",

@@ -15,8 +15,8 @@ import msgspec
 
 from envs_data.build.common import BDDL_VERSION, activities, ancestors, category_of_model, room_objects
 from envs_data.build.common import Literal as Fact
-from envs_data.evidence import FORMAT, Placed, RoomContents
-from gavel_env.ontology import Ontology, load_ontology
+from gavel_env.tasks.evidence import FORMAT, Placed, RoomContents
+from gavel_env.world_model.ontology import Ontology, load_ontology
 
 __all__ = ["build", "main", "placed_rows", "room_types"]
 

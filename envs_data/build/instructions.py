@@ -17,9 +17,9 @@ from typing import Any
 
 import msgspec
 
-from gavel_env.grounding import instruction_graph
-from gavel_env.instructions import Instruction
-from gavel_env.scenes import load_scene, scene_names
+from gavel_env.house.scenes import load_scene, scene_names
+from gavel_env.instructions.initial_graph import instruction_graph
+from gavel_env.instructions.record import Instruction
 from gavel_env.tasks.broken import Broken, broken_variants
 from gavel_env.tasks.pairs import generate_pairs
 from gavel_env.tasks.recipes import multi_benchmark, single_benchmark
@@ -52,7 +52,7 @@ def _packed(content: bytes) -> bytes:
 
 
 def _multi() -> dict[str, bytes]:
-    from eval.orders import Orders  # the only build that runs agents; nothing that ships depends on it
+    from eval.studies.orders import Orders  # the only build that runs agents; nothing that ships depends on it
 
     return _benchmark("multi", multi_benchmark(differ=Orders().differ))
 

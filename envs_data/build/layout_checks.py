@@ -16,8 +16,8 @@ from shapely import BufferCapStyle
 from shapely.geometry import LineString, Polygon, box
 from shapely.ops import unary_union
 
-from gavel_env.ontology import default_ontology
-from gavel_env.scenes import Furniture, Scene
+from gavel_env.house.scenes import Furniture, Scene
+from gavel_env.world_model.ontology import default_ontology
 
 __all__ = ["Problem", "blocking_overlaps", "check_layout", "footprint", "free_map"]
 

@@ -16,7 +16,7 @@ from shapely.ops import unary_union
 
 from envs_data.build.layout_outline import Outline, measured_outline, measured_scenes, outline_room, polygon_of
 from envs_data.build.layout_pieces import Contents, rules
-from gavel_env.scenes import Opening
+from gavel_env.house.scenes import Opening
 
 __all__ = ["generated_outline", "room_extent"]
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Literal
 
 from envs_data.build.layout_pieces import Piece, rules
-from gavel_env.ontology import default_ontology
-from gavel_env.scenes import Furniture, Item
+from gavel_env.house.scenes import Furniture, Item
+from gavel_env.world_model.ontology import default_ontology
 
 Holder = tuple[Literal["on", "in"], str, float, Furniture]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from envs_data.build.layout_pieces import Piece, rules
 from envs_data.build.layout_poses import Placed, Poses, RoomLayout, facing_cost, floor_poses, wall_poses
 from envs_data.build.layout_tops import hits, in_reach, place_top
-from gavel_env.ontology import default_ontology
+from gavel_env.world_model.ontology import default_ontology
 
 __all__ = ["mount_all"]
 

@@ -10,7 +10,7 @@ from shapely import BufferCapStyle
 from shapely.geometry import LineString, Point, Polygon
 from shapely.ops import unary_union
 
-from gavel_env.scenes import Opening, RoomOutline
+from gavel_env.house.scenes import Opening, RoomOutline
 
 __all__ = ["Outline", "measured_outline", "measured_scenes", "outline_room", "polygon_of"]
 

@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from gavel_env.errors import UnknownScene
-from gavel_env.ontology import Mount, default_ontology
+from gavel_env.world_model.ontology import Mount, default_ontology
 
 __all__ = ["Contents", "Piece", "Rules", "Size", "contents_of", "floor_extents", "rules", "source_scenes"]
 

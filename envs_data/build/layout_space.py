@@ -18,7 +18,7 @@ from shapely import BufferCapStyle
 from shapely.geometry import LineString, Point, Polygon, box
 from shapely.ops import unary_union
 
-from gavel_env.scenes import Opening
+from gavel_env.house.scenes import Opening
 
 __all__ = ["WALL_GAP_M", "Rect", "RoomSpace", "WallLine", "keepout_of"]
 

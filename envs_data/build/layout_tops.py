@@ -12,7 +12,7 @@ from envs_data.build.layout_pieces import Piece, rules
 from envs_data.build.layout_place import place_corner, place_facing
 from envs_data.build.layout_poses import Placed, RoomLayout, facing_cost, grown, rect_of
 from envs_data.build.layout_space import Rect
-from gavel_env.ontology import default_ontology
+from gavel_env.world_model.ontology import default_ontology
 
 __all__ = ["hits", "in_reach", "place_top", "slab_over_bases"]
 

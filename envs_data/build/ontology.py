@@ -13,7 +13,7 @@ import msgspec
 
 from envs_data.build import affordances
 from envs_data.build.common import BDDL_VERSION, CategoryRow, categories, median_size_m, model_sizes_m, properties
-from gavel_env.ontology import FORMAT, Category, TemperatureSource
+from gavel_env.world_model.ontology import FORMAT, Category, TemperatureSource
 
 __all__ = ["build", "build_category", "main"]
 

@@ -26,7 +26,7 @@ from envs_data.build.layout_outline import Outline, measured_outline, measured_s
 from envs_data.build.layout_pieces import Contents, contents_of, source_scenes
 from envs_data.build.layout_poses import RoomLayout
 from envs_data.build.layout_space import RoomSpace
-from gavel_env.scenes import FORMAT, Furniture, NotPlaced, Scene, check_scene
+from gavel_env.house.scenes import FORMAT, Furniture, NotPlaced, Scene, check_scene
 
 __all__ = ["build_scene", "encode", "main"]
 

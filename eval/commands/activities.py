@@ -34,8 +34,8 @@ def _list(arguments: argparse.Namespace) -> int:
     from rich.table import Table
 
     from gavel_env.activities import Ungroundable, ground, load_activities
-    from gavel_env.instructions import read_instructions, shipped
-    from gavel_env.scenes import load_scene
+    from gavel_env.house.scenes import load_scene
+    from gavel_env.instructions.record import read_instructions, shipped
 
     certified = {str(r.meta["activity"]): r for r in read_instructions(shipped("behavior")).values()}
     if arguments.scene is not None:
@@ -66,10 +66,10 @@ def _list(arguments: argparse.Namespace) -> int:
 
 def _show(arguments: argparse.Namespace) -> int:
     from gavel_env.activities import ground, load_activities, text_of
-    from gavel_env.grounding import instruction_graph
-    from gavel_env.instructions import Instruction, TaskSpec
-    from gavel_env.quantifiers import conjuncts
-    from gavel_env.scenes import load_scene
+    from gavel_env.house.scenes import load_scene
+    from gavel_env.instructions.initial_graph import instruction_graph
+    from gavel_env.instructions.record import Instruction, TaskSpec
+    from gavel_env.world_model.conditions import conjuncts
 
     activity = load_activities()[arguments.name]
     if not activity.expressible:

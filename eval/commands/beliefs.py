@@ -7,10 +7,10 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eval.families import family
+from eval.commands._families import family
 
 if TYPE_CHECKING:
-    from eval.beliefs import Score
+    from eval.studies.beliefs import Score
 
 __all__ = ["register"]
 
@@ -25,7 +25,7 @@ def register(subparsers: Any) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from eval.beliefs import evaluate, evaluate_shipped
+    from eval.studies.beliefs import evaluate, evaluate_shipped
 
     folder: Path | None = arguments.weights
     parts = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from eval.families import family
+from eval.commands._families import family
 
 __all__ = ["register"]
 
@@ -38,8 +38,8 @@ def _run(arguments: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.table import Table
 
-    from eval.cost_model import drives, fits
-    from gavel_agents.cost import COVERAGE_WIDTH_M
+    from eval.studies.cost_model import drives, fits
+    from gavel_agents.ordering.cost import COVERAGE_WIDTH_M
 
     width_m = COVERAGE_WIDTH_M if arguments.coverage_width is None else arguments.coverage_width
 
@@ -66,7 +66,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _run_coverage(arguments: argparse.Namespace) -> int:
-    from eval.coverage import CALIBRATION_HOUSES, coverage, room_searches
+    from eval.studies.room_coverage import CALIBRATION_HOUSES, coverage, room_searches
 
     scenes = tuple(arguments.scenes or CALIBRATION_HOUSES)
     found = coverage(list(room_searches(scenes)))

@@ -10,10 +10,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eval.families import family_parser
+from eval.commands._families import family_parser
 
 if TYPE_CHECKING:
-    from gavel_env.instructions import InstructionSet
+    from gavel_env.instructions.record import InstructionSet
 
 __all__ = ["register"]
 
@@ -108,14 +108,14 @@ def _positive(text: str) -> int:
 
 
 def _eval(arguments: argparse.Namespace) -> int:
-    from eval.contestants import choose, compared_by_default, default_agents, default_planners
-    from eval.episodes import EnvironmentSettings
-    from eval.formats import render
-    from eval.journal import read_records
-    from eval.progress import RunProgress
-    from eval.rig import import_plugins
-    from eval.runner import run, schedule
-    from eval.tables import results
+    from eval.records.journal import read_records
+    from eval.report.formats import render
+    from eval.report.tables import results
+    from eval.run.contestants import choose, compared_by_default, default_agents, default_planners
+    from eval.run.episodes import EnvironmentSettings
+    from eval.run.progress import RunProgress
+    from eval.run.rig import import_plugins
+    from eval.run.runner import run, schedule
 
     import_plugins(arguments.plugin)
     settings = EnvironmentSettings(profile=arguments.profile, max_steps=arguments.max_steps)
@@ -170,7 +170,7 @@ def _saying_how_to_resume(out: Path) -> Iterator[None]:
 
 
 def _files(paths: list[str] | None, kind: str | None) -> list[InstructionSet]:
-    from gavel_env.instructions import read_instructions, shipped
+    from gavel_env.instructions.record import read_instructions, shipped
 
     if paths is None:
         return [read_instructions(shipped(name)) for name in _KINDS[kind or "both"]]

@@ -39,12 +39,12 @@ def _positive(text: str) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from eval.recording import record, recorder
-    from eval.sampling import sample
+    from eval.records.sampling import sample
+    from eval.studies.recording import record, recorder
     from gavel_agents.llm.replay import compact
     from gavel_agents.understanding import load_understanding
-    from gavel_env.dynamics import Profile
-    from gavel_env.instructions import read_instructions, shipped
+    from gavel_env.instructions.record import read_instructions, shipped
+    from gavel_env.world_model.dynamics import Profile
 
     source = arguments.instructions
     instructions = read_instructions(source if source.endswith(".jsonl") else shipped(source))

@@ -25,8 +25,8 @@ def register(subparsers: Any) -> None:
 
 
 def _report(arguments: argparse.Namespace) -> int:
-    from eval.journal import read_records
-    from eval.report import html_report
+    from eval.records.journal import read_records
+    from eval.report.html import html_report
     from gavel_env.errors import DataError
 
     compare = arguments.compare.split(",") if arguments.compare else None

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from gavel_env.scenes import Scene, load_scene, scene_names
+from gavel_env.house.scenes import Scene, load_scene, scene_names
 
 __all__ = ["register"]
 
@@ -93,7 +93,7 @@ def _print_contents(scene: Scene) -> None:
 
 
 def _import(arguments: argparse.Namespace) -> int:
-    from gavel_env.omnigibson import import_scene, save_scene
+    from gavel_env.house.omnigibson.scene_folder import import_scene, save_scene
 
     scene = import_scene(arguments.path, arguments.objects)
     out = arguments.out or Path(f"{scene.scene}.json")

@@ -29,9 +29,9 @@ def register(subparsers: Any) -> None:
 
 
 def _tables(arguments: argparse.Namespace) -> int:
-    from eval.formats import render
-    from eval.journal import read_records
-    from eval.tables import results
+    from eval.records.journal import read_records
+    from eval.report.formats import render
+    from eval.report.tables import results
     from gavel_env.errors import DataError
 
     compare = arguments.compare.split(",") if arguments.compare else None

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gavel_env.instructions import Instruction, InstructionSet
+    from gavel_env.instructions.record import Instruction, InstructionSet
 
 __all__ = ["register"]
 
@@ -75,13 +75,13 @@ def _span(text: str) -> tuple[int, int]:
 
 
 def _path(name: str) -> Path:
-    from gavel_env.instructions import shipped
+    from gavel_env.instructions.record import shipped
 
     return Path(name) if name.endswith((".jsonl", ".json")) or "/" in name else shipped(name)
 
 
 def _read(sets: list[str]) -> list[tuple[Path, InstructionSet]]:
-    from gavel_env.instructions import read_instructions
+    from gavel_env.instructions.record import read_instructions
 
     paths = [_path(name) for name in sets or SHIPPED]
     return [(path, read_instructions(path)) for path in paths]
@@ -127,7 +127,7 @@ def _print_figures(records: list[Instruction]) -> None:
 
 
 def _print_orders(records: list[Instruction]) -> None:
-    from eval.orders import METHODS, Orders
+    from eval.studies.orders import METHODS, Orders
 
     orders = Orders()
     differ = sum(orders.differ(record) for record in records if len(record.tasks) > 1)
@@ -157,9 +157,9 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _draw(record: Instruction, path: Path, pixels_per_m: float | None) -> None:
-    from gavel_env.grounding import instruction_graph
+    from gavel_env.house.scenes import load_scene
+    from gavel_env.instructions.initial_graph import instruction_graph
     from gavel_env.render import EpisodeView, Marker, ScenePicture, draw_episode_frame, save_png
-    from gavel_env.scenes import load_scene
     from gavel_env.tasks.driving import drive
 
     scene = load_scene(record.scene)

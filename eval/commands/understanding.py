@@ -7,12 +7,12 @@ import json
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from eval.families import family
+from eval.commands._families import family
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from eval.understanding import Report
+    from eval.studies.understanding import Report
     from gavel_agents.understanding import Decomposition
 
 __all__ = ["register"]
@@ -46,12 +46,12 @@ def register(subparsers: Any) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from eval.recording import recorder
-    from eval.understanding import evaluate
+    from eval.studies.recording import recorder
+    from eval.studies.understanding import evaluate
     from gavel_agents.llm import load_model
     from gavel_agents.understanding import load_understanding
     from gavel_agents.understanding.pairs import read_samples
-    from gavel_env.instructions import read_instructions, shipped
+    from gavel_env.instructions.record import read_instructions, shipped
 
     planner, record = arguments.planner, arguments.record
     model = (recorder(planner, record, threads=1) if record else load_model(planner)) if planner else None

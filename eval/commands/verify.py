@@ -13,8 +13,8 @@ from gavel_env.errors import DataError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from gavel_agents.validation import Verdict
     from gavel_agents.verification import Verified
+    from gavel_env.world_model.verdict import Verdict
 
 __all__ = ["register"]
 

@@ -11,15 +11,15 @@ from collections.abc import Iterator
 
 import msgspec
 
-from gavel_agents.edits.base import Case, Change, Edit
+from gavel_agents.edits.condition_literals import grounded
 from gavel_agents.edits.endings import LITERAL_RULES, SAFETY_RULES, in_order
-from gavel_agents.edits.grounding import grounded
 from gavel_agents.edits.pruning import prune
+from gavel_agents.edits.rule import Case, Change, Edit
 from gavel_agents.edits.violations import VIOLATION_RULES
-from gavel_agents.validation import Verdict
-from gavel_env.dynamics import Profile
-from gavel_env.goals import Goal, Literal, unmet
-from gavel_env.graph import Flag
+from gavel_env.world_model.dynamics import Profile
+from gavel_env.world_model.goals import Goal, Literal, unmet
+from gavel_env.world_model.graph import Flag
+from gavel_env.world_model.verdict import Verdict
 
 __all__ = ["LITERAL_RULES", "SAFETY_RULES", "VIOLATION_RULES", "Case", "Change", "Edit", "offers", "prune"]
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 
-from gavel_agents.edits.base import Case, Change, drop, insert, replace
+from gavel_agents.edits.rule import Case, Change, drop, insert, replace
 from gavel_agents.edits.sketch import Sketch
 from gavel_agents.edits.states import load_before_running, run_named_appliance, run_while_inside, shut_before_running
 from gavel_agents.edits.violations import place_in_passing
 from gavel_agents.edits.wants import SPATIAL, Errand, chosen_subject, destinations, wanted_flag
-from gavel_env.actions import Action, Primitive
-from gavel_env.goals import Literal, Predicate, fitting
-from gavel_env.graph import Flag, Relation, SceneGraph
+from gavel_env.world_model.actions import Action, Primitive
+from gavel_env.world_model.goals import Literal, Predicate, fitting
+from gavel_env.world_model.graph import Flag, Relation, SceneGraph
 
 __all__ = ["LITERAL_RULES", "SAFETY_RULES", "GoalRule", "SafetyRule", "in_order"]
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterator
 from typing import NamedTuple
 
-from gavel_agents.edits.base import Edit, drop
-from gavel_agents.validation import CostFunction, Verdict, validate
-from gavel_env.actions import Primitive
-from gavel_env.dynamics import Profile
-from gavel_env.goals import Goal
-from gavel_env.graph import SceneGraph, Support
+from gavel_agents.edits.rule import Edit, drop
+from gavel_env.world_model.actions import Primitive
+from gavel_env.world_model.dynamics import Profile
+from gavel_env.world_model.goals import Goal
+from gavel_env.world_model.graph import SceneGraph, Support
+from gavel_env.world_model.verdict import CostFunction, Verdict, validate
 
 __all__ = ["prune"]
 

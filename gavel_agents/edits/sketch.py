@@ -5,11 +5,11 @@ Every step is checked and applied with the one transition model, so a stretch is
 
 from __future__ import annotations
 
-from gavel_agents.validation import Plan
-from gavel_env.actions import Action, Primitive
-from gavel_env.dynamics import Profile, apply, first_violation
-from gavel_env.goals import Goal
-from gavel_env.graph import Flag, Relation, SceneGraph
+from gavel_env.world_model.actions import Action, Primitive
+from gavel_env.world_model.dynamics import Profile, apply, first_violation
+from gavel_env.world_model.goals import Goal
+from gavel_env.world_model.graph import Flag, Relation, SceneGraph
+from gavel_env.world_model.verdict import Plan
 
 __all__ = ["Sketch", "outermost_shut"]
 

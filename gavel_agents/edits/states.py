@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from gavel_agents.edits.base import Case, Change, insert
+from gavel_agents.edits.rule import Case, Change, insert
 from gavel_agents.edits.sketch import Sketch
 from gavel_agents.edits.wants import appliances, chosen_subject, confers, wanted_flag
-from gavel_env.actions import Primitive
-from gavel_env.goals import Literal
-from gavel_env.graph import Flag, Relation, SceneGraph, Support
+from gavel_env.world_model.actions import Primitive
+from gavel_env.world_model.goals import Literal
+from gavel_env.world_model.graph import Flag, Relation, SceneGraph, Support
 
 __all__ = ["load_before_running", "run_named_appliance", "run_while_inside", "shut_before_running"]
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from gavel_agents.edits.base import Case, Change, Rule, drop, insert, replace
+from gavel_agents.edits.rule import Case, Change, Rule, drop, insert, replace
 from gavel_agents.edits.sketch import Sketch, outermost_shut
 from gavel_agents.edits.wants import SPATIAL, Errand, chosen_subject, destinations, errands, works_of
-from gavel_env.actions import Action, Primitive
-from gavel_env.dynamics import ViolationKind, violations
-from gavel_env.goals import Predicate
-from gavel_env.graph import Relation
+from gavel_env.world_model.actions import Action, Primitive
+from gavel_env.world_model.dynamics import ViolationKind, violations
+from gavel_env.world_model.goals import Predicate
+from gavel_env.world_model.graph import Relation
 
 __all__ = ["VIOLATION_RULES", "place_in_passing"]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from gavel_agents.edits.base import Case
-from gavel_env.actions import Action, Primitive
-from gavel_env.dynamics import apply, conferred
-from gavel_env.goals import Designator, Goal, Literal, Predicate, fitting, unmet
-from gavel_env.graph import Flag, Relation, SceneGraph, Support
+from gavel_agents.edits.rule import Case
+from gavel_env.world_model.actions import Action, Primitive
+from gavel_env.world_model.dynamics import apply, conferred
+from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate, fitting, unmet
+from gavel_env.world_model.graph import Flag, Relation, SceneGraph, Support
 
 __all__ = ["Errand", "chosen_subject", "confers", "destinations", "errands", "wanted_flag", "works_of"]
 

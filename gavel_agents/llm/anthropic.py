@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt
-from gavel_agents.llm.hosted import MalformedAnswer, Retries, complete_all, endpoint_of, key_of, retried
+from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt
+from gavel_agents.llm.service import MalformedAnswer, Retries, complete_all, endpoint_of, key_of, retried
 
 __all__ = ["AnthropicModel"]
 

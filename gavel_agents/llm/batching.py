@@ -10,8 +10,8 @@ import threading
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
-from gavel_agents.llm.base import ChatModel, Completion, Prompt
-from gavel_agents.llm.hosted import ModelError
+from gavel_agents.llm.interface import ChatModel, Completion, Prompt
+from gavel_agents.llm.service import ModelError
 
 __all__ = ["BatchingModel"]
 

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gavel_env.actions import Action, Primitive
-from gavel_env.graph import SceneGraph
+from gavel_env.world_model.actions import Action, Primitive
+from gavel_env.world_model.graph import SceneGraph
 
 __all__ = ["DEFECTS", "Defect"]
 

@@ -12,8 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt, spec_options
 from gavel_agents.llm.grammar import json_schema, plan_gbnf
+from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, spec_options
 from gavel_env.errors import DataError
 
 __all__ = ["GgufModel"]

@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gavel_env.actions import Primitive
+from gavel_env.world_model.actions import Primitive
 
 __all__ = ["MOST_STEPS", "MOST_TASKS", "json_schema", "plan_gbnf", "plan_schema", "step_pattern"]
 

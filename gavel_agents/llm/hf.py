@@ -14,10 +14,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt, spec_options
-from gavel_agents.llm.held import Holder
-from gavel_agents.llm.hosted import ModelError
+from gavel_agents.llm.constrained_decoding import Holder
+from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, spec_options
 from gavel_agents.llm.local import load_local
+from gavel_agents.llm.service import ModelError
 
 __all__ = ["HfModel", "without_thinking"]
 

@@ -6,8 +6,8 @@ import importlib.util
 from pathlib import Path
 from typing import Any
 
-from gavel_agents.llm.base import BadPlannerSpec
-from gavel_agents.llm.hosted import ModelError
+from gavel_agents.llm.interface import BadPlannerSpec
+from gavel_agents.llm.service import ModelError
 
 __all__ = ["PACKAGED", "load_local"]
 

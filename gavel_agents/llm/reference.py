@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from gavel_agents.llm.base import Completion, Prompt
-from gavel_agents.naming import spoken
-from gavel_env.actions import Action
-from gavel_env.goals import Designator
-from gavel_env.instructions import Instruction, read_instructions, shipped
-from gavel_env.ontology import category_of
+from gavel_agents.llm.interface import Completion, Prompt
+from gavel_env.instructions.record import Instruction, read_instructions, shipped
+from gavel_env.instructions.reference_names import spoken
+from gavel_env.world_model.actions import Action
+from gavel_env.world_model.goals import Designator
+from gavel_env.world_model.ontology import category_of
 
 __all__ = ["ReferencePlans", "written"]
 

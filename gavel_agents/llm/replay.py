@@ -17,7 +17,7 @@ from typing import Any
 
 import msgspec
 
-from gavel_agents.llm.base import ChatModel, Completion, Message, Prompt
+from gavel_agents.llm.interface import ChatModel, Completion, Message, Prompt
 from gavel_env.errors import DataError, GavelError
 
 __all__ = ["NotRecorded", "Recorded", "RecordingModel", "ReplayModel", "completion_key", "read_recording"]
@@ -214,7 +214,7 @@ class ShippedRecording(msgspec.Struct, frozen=True):
         source: where the model comes from.
         instructions: shipped instruction file that was recorded.
         agents: methods all of whose prompts are in it.
-        sample: so many of the instructions were recorded, as `eval.sampling` takes them; None = all.
+        sample: so many of the instructions were recorded, as `eval.records.sampling` takes them; None = all.
     """
 
     model: str

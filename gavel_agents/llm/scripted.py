@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from gavel_agents.llm.base import Completion, Prompt
+from gavel_agents.llm.interface import Completion, Prompt
 from gavel_env.errors import DataError, UnknownInstruction
 
 __all__ = ["ScriptedModel"]

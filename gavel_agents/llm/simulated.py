@@ -17,16 +17,16 @@ from urllib.parse import parse_qsl
 import msgspec
 import numpy as np
 
-from gavel_agents.llm.base import BadPlannerSpec, Completion, Prompt
 from gavel_agents.llm.defects import DEFECTS, Plan
+from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt
 from gavel_agents.llm.reference import written
 from gavel_env.errors import GavelError, UnknownInstruction, nearest_names
-from gavel_env.goals import Goal
-from gavel_env.graph import SceneGraph
-from gavel_env.grounding import instruction_graph
-from gavel_env.instructions import Instruction, read_instructions, shipped
-from gavel_env.scenes import load_scene
+from gavel_env.house.scenes import load_scene
+from gavel_env.instructions.initial_graph import instruction_graph
+from gavel_env.instructions.record import Instruction, read_instructions, shipped
 from gavel_env.tasks.judging import judge
+from gavel_env.world_model.goals import Goal
+from gavel_env.world_model.graph import SceneGraph
 
 __all__ = ["PROFILES", "Profile", "SimulatedModel"]
 

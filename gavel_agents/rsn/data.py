@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 
 from gavel_env.errors import DataError
-from gavel_env.scenes import BENCHMARK_HOUSES
+from gavel_env.house.scenes import BENCHMARK_HOUSES
 
 __all__ = [
     "BENCHMARK_HOUSES",

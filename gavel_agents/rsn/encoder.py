@@ -73,7 +73,7 @@ def phrase_of(name: str) -> str:
 
 def weights_folder() -> Path:
     """Return the folder of the shipped weights."""
-    return Path(str(resources.files("gavel_agents") / "weights"))
+    return Path(str(resources.files("gavel_agents.rsn") / "weights"))
 
 
 def load_encoder(name: str = PACKAGED) -> Encoder:

@@ -33,7 +33,7 @@ from gavel_agents.rsn.folds import FOLD_SEED, FOLDS, HeldOut
 from gavel_agents.rsn.model import HIDDEN, RsnModel
 from gavel_agents.rsn.optimise import minimise
 from gavel_env.errors import GavelError
-from gavel_env.ontology import default_ontology
+from gavel_env.world_model.ontology import default_ontology
 
 if TYPE_CHECKING:
     import torch

@@ -3,7 +3,7 @@
 Every method of the comparison shares the same implementation, so that what is compared is planning.
 """
 
-from gavel_agents.understanding.base import (
+from gavel_agents.understanding.interface import (
     Abstention,
     BatchedUnderstanding,
     Decomposition,

@@ -19,13 +19,13 @@ from typing import Any
 import msgspec
 
 from gavel_agents.llm.grammar import MOST_TASKS
-from gavel_agents.understanding.base import Abstention, Decomposition, TaskUnderstanding
 from gavel_agents.understanding.checks import can_be, check_capable, check_possible
+from gavel_agents.understanding.interface import Abstention, Decomposition, TaskUnderstanding
 from gavel_agents.understanding.mentions import Mentions
 from gavel_agents.understanding.pairs import Target
 from gavel_env.errors import MalformedGoal
-from gavel_env.goals import Designator, Goal, Literal, Predicate, parse_literal
-from gavel_env.ontology import Category, default_ontology
+from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate, parse_literal
+from gavel_env.world_model.ontology import Category, default_ontology
 
 __all__ = ["answer_schema", "read_answer", "write_answer"]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 
-from gavel_agents.understanding.base import Abstention
-from gavel_env.goals import Designator, Literal, Predicate
-from gavel_env.ontology import Category, default_ontology
+from gavel_agents.understanding.interface import Abstention
+from gavel_env.world_model.goals import Designator, Literal, Predicate
+from gavel_env.world_model.ontology import Category, default_ontology
 
 __all__ = ["can_be", "check_capable", "check_possible"]
 

@@ -10,13 +10,13 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import NamedTuple
 
-from gavel_agents.understanding.base import Abstention
+from gavel_agents.understanding.interface import Abstention
 from gavel_agents.understanding.rules.lexer import in_a_room, plurals, words_of
 from gavel_agents.understanding.rules.nouns import ROOM_SYNONYMS, SYNONYMS, VAGUE
 from gavel_env.errors import nearest_names
-from gavel_env.goals import Designator
-from gavel_env.ontology import default_ontology
-from gavel_env.tasks.vocabulary import default_vocabulary
+from gavel_env.instructions.vocabulary import default_vocabulary
+from gavel_env.world_model.goals import Designator
+from gavel_env.world_model.ontology import default_ontology
 
 __all__ = ["Mentions"]
 

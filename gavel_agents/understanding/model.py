@@ -12,8 +12,8 @@ import msgspec
 
 from gavel_agents.llm import ChatModel, Completion, Message, Prompt
 from gavel_agents.understanding.answer import answer_schema, read_answer
-from gavel_agents.understanding.base import Abstention, Decomposition
 from gavel_agents.understanding.chat import chat_prompt
+from gavel_agents.understanding.interface import Abstention, Decomposition
 from gavel_agents.understanding.mentions import Mentions
 
 __all__ = ["ModelUnderstanding", "adapter_prompt"]

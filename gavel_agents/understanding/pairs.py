@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 
 from gavel_env.errors import DataError
-from gavel_env.instructions import shipped
+from gavel_env.instructions.record import shipped
 
 __all__ = ["Sample", "Target", "read_samples"]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from gavel_agents.naming import goal_designators, spoken
-from gavel_agents.understanding.base import Decomposition, TaskUnderstanding
-from gavel_env.goals import Designator, Literal, parse_literal
-from gavel_env.instructions import Instruction
+from gavel_agents.understanding.interface import Decomposition, TaskUnderstanding
+from gavel_env.instructions.record import Instruction
+from gavel_env.instructions.reference_names import goal_designators, spoken
+from gavel_env.world_model.goals import Designator, Literal, parse_literal
 
 __all__ = ["ReferenceUnderstanding"]
 
@@ -15,7 +15,7 @@ __all__ = ["ReferenceUnderstanding"]
 class ReferenceUnderstanding:
     """Answers from the instruction records: their goals, and objects and stated relations from `meta["targets"]`.
 
-    A record without targets is read by `gavel_agents.naming`: besides the goal's objects, a task speaks of those of its
+    A record without targets is read by `reference_names`: besides the goal's objects, a task speaks of those of its
     reference plan; it states where things start if its own text names that place, and that what shall be changed is so.
     """
 

@@ -8,12 +8,12 @@ from functools import cache
 from pathlib import Path
 
 from gavel_agents.llm import ChatModel, load_model
-from gavel_agents.understanding.base import Understanding
+from gavel_agents.understanding.interface import Understanding
 from gavel_agents.understanding.model import ModelUnderstanding
 from gavel_agents.understanding.reference import ReferenceUnderstanding
 from gavel_agents.understanding.rules import RulesUnderstanding
 from gavel_env.errors import DataError, GavelError, nearest_names
-from gavel_env.instructions import Instruction
+from gavel_env.instructions.record import Instruction
 
 __all__ = ["SHIPPED_ADAPTER", "UNDERSTANDINGS", "UnknownUnderstanding", "load_understanding"]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from gavel_env.bddl import Problem, parse_problem
+from gavel_env.activities.bddl import Problem, parse_problem
 from gavel_env.errors import DataError, GavelError, nearest_names
 
 __all__ = ["FORMAT", "Activities", "Activity", "UnknownActivity", "load_activities"]

@@ -6,9 +6,9 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 
 import msgspec
 
+from gavel_env.activities.bddl import Node, synset_of
 from gavel_env.activities.scope import GROUND, Ungroundable
-from gavel_env.bddl import Node, synset_of
-from gavel_env.quantifiers import (
+from gavel_env.world_model.conditions import (
     ON_FLOOR,
     WITHIN,
     And,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
+from gavel_env.activities.bddl import Fact, Problem, synset_of
 from gavel_env.activities.definitions import Activities, Activity, load_activities
 from gavel_env.activities.goal import GoalReader, substances_of, with_variable
 from gavel_env.activities.scope import (
@@ -17,14 +18,13 @@ from gavel_env.activities.scope import (
     is_thing,
     roles_of,
 )
-from gavel_env.bddl import Fact, Problem, synset_of
-from gavel_env.instructions import Placement
-from gavel_env.ontology import Ontology, category_of, default_ontology
-from gavel_env.quantifiers import (
+from gavel_env.house.scenes import Scene, load_scene
+from gavel_env.instructions.record import Placement
+from gavel_env.world_model.conditions import (
     Exists,
     Formula,
 )
-from gavel_env.scenes import Scene, load_scene
+from gavel_env.world_model.ontology import Ontology, category_of, default_ontology
 
 __all__ = ["Grounding", "ground", "reachable_in"]
 
@@ -235,7 +235,7 @@ class _Grounder:
 
 @lru_cache(maxsize=64)
 def _reachability(scene_name: str, scene: _ById) -> Callable[[str], bool]:
-    from gavel_env.geometry import floor_map
+    from gavel_env.house.floor_map import floor_map
 
     floor = floor_map(scene.scene)
     held_by = {item.id: item.holder for item in scene.scene.items if item.relation != "floor"}

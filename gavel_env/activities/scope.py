@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
+from gavel_env.activities.bddl import Node, Problem, synset_of
 from gavel_env.activities.definitions import Activities
-from gavel_env.bddl import Node, Problem, synset_of
 from gavel_env.errors import GavelError
-from gavel_env.ontology import Category, Ontology
-from gavel_env.scenes import Scene
+from gavel_env.house.scenes import Scene
+from gavel_env.world_model.ontology import Category, Ontology
 
 __all__ = ["AGENT", "GROUND", "Roles", "Scope", "Ungroundable", "choose_kinds", "choose_pieces", "is_thing", "roles_of"]
 

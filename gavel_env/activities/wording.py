@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from gavel_env.activities.english import joined, plural, title_of
 from gavel_env.activities.grounding import Grounding
-from gavel_env.graph import Relation, SceneGraph
-from gavel_env.quantifiers import (
+from gavel_env.instructions.vocabulary import default_vocabulary
+from gavel_env.world_model.conditions import (
     ON_FLOOR,
     WITHIN,
     And,
@@ -23,7 +23,7 @@ from gavel_env.quantifiers import (
     Or,
     conjuncts,
 )
-from gavel_env.tasks.vocabulary import default_vocabulary
+from gavel_env.world_model.graph import Relation, SceneGraph
 
 __all__ = ["text_of"]
 

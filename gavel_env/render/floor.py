@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gavel_env.house.scenes import Furniture, Opening, RoomOutline, Scene
 from gavel_env.render.canvas import Canvas, Mask, Place, softened
 from gavel_env.render.style import INK_SOFT, SILL, WALL, Floor, floor_of
-from gavel_env.scenes import Furniture, Opening, RoomOutline, Scene
 
 __all__ = ["door_leaf", "draw_house"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from gavel_env.house.scenes import Furniture, Scene
 from gavel_env.render.canvas import Canvas, Place, softened
 from gavel_env.render.style import INK, KIND_COLOURS, PAPER, Kind, Rgb, kind_of
-from gavel_env.scenes import Furniture, Scene
 
 __all__ = ["draw_furniture", "drawing_order"]
 

@@ -11,13 +11,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gavel_env.ontology import category_of
+from gavel_env.house.scenes import Furniture, Scene
 from gavel_env.render.canvas import Canvas, Mask, Place, stamp, text_size
 from gavel_env.render.canvas import font as typeface
 from gavel_env.render.floor import door_leaf
 from gavel_env.render.furniture import drawing_order
 from gavel_env.render.style import INK, INK_SOFT, KIND_COLOURS, Kind, Rgb, floor_of, kind_of, room_title, words
-from gavel_env.scenes import Furniture, Scene
+from gavel_env.world_model.ontology import category_of
 
 __all__ = ["draw_labels"]
 

@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 
 from gavel_env.errors import SceneError
+from gavel_env.house.scenes import Scene
 from gavel_env.render.canvas import Canvas, Image, Viewport, blend_into, text_size, write
 from gavel_env.render.floor import draw_house
 from gavel_env.render.furniture import draw_furniture
 from gavel_env.render.labels import draw_labels
 from gavel_env.render.style import INK, INK_SOFT, KIND_COLOURS, PAPER, Kind, Rgb, kind_of, words
-from gavel_env.scenes import Scene
 
 __all__ = ["ScenePicture", "draw_scene", "save_png"]
 

@@ -11,7 +11,7 @@ from enum import Enum
 from functools import cache
 from typing import Literal, NamedTuple
 
-from gavel_env.ontology import default_ontology
+from gavel_env.world_model.ontology import default_ontology
 
 __all__ = ["INK", "KIND_COLOURS", "PAPER", "Floor", "Kind", "Rgb", "floor_of", "kind_of", "room_title", "words"]
 

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from gavel_env.dynamics import rollout
 from gavel_env.errors import GavelError
-from gavel_env.graph import SceneGraph
-from gavel_env.grounding import instruction_graph
-from gavel_env.instructions import Instruction, Placement, TaskSpec
+from gavel_env.instructions.initial_graph import instruction_graph
+from gavel_env.instructions.record import Instruction, Placement, TaskSpec
+from gavel_env.instructions.vocabulary import Theme
 from gavel_env.tasks.drafts import Draft, Split, Thing
 from gavel_env.tasks.errands import Errand
 from gavel_env.tasks.language import Worded, compose
-from gavel_env.tasks.vocabulary import Theme
+from gavel_env.world_model.dynamics import rollout
+from gavel_env.world_model.graph import SceneGraph
 
 __all__ = ["assemble", "rooms_visited", "target_of"]
 

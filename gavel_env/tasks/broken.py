@@ -12,11 +12,11 @@ from pathlib import Path
 
 import msgspec
 
-from gavel_env.actions import Action, Primitive, parse_action
 from gavel_env.errors import InstructionError
-from gavel_env.goals import Goal
-from gavel_env.graph import SceneGraph
 from gavel_env.tasks.judging import judge
+from gavel_env.world_model.actions import Action, Primitive, parse_action
+from gavel_env.world_model.goals import Goal
+from gavel_env.world_model.graph import SceneGraph
 
 __all__ = ["LEAST", "Broken", "broken_path", "broken_variants", "defects", "read_broken"]
 

@@ -12,19 +12,19 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from gavel_env.actions import Action
-from gavel_env.dynamics import rollout, unsafe
 from gavel_env.errors import GavelError
-from gavel_env.goals import Designator, Goal, Literal, Predicate, fitting, parse_literal, unmet
-from gavel_env.graph import Relation, SceneGraph
-from gavel_env.grounding import instruction_graph
-from gavel_env.instructions import Instruction
-from gavel_env.scenes import load_scene
+from gavel_env.house.scenes import load_scene
+from gavel_env.instructions.initial_graph import instruction_graph
+from gavel_env.instructions.record import Instruction
+from gavel_env.instructions.vocabulary import default_vocabulary
 from gavel_env.tasks.broken import LEAST, Broken
 from gavel_env.tasks.driving import drive
 from gavel_env.tasks.judging import judge
-from gavel_env.tasks.reading import article_errors, sentence_faults, unknown_words
-from gavel_env.tasks.vocabulary import default_vocabulary
+from gavel_env.tasks.wording_checks import article_errors, sentence_faults, unknown_words
+from gavel_env.world_model.actions import Action
+from gavel_env.world_model.dynamics import rollout, unsafe
+from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate, fitting, parse_literal, unmet
+from gavel_env.world_model.graph import Relation, SceneGraph
 
 __all__ = ["CHECKS", "Problem", "certify", "certify_set", "check_broken"]
 

@@ -14,8 +14,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from gavel_env.instructions.vocabulary import Theme
 from gavel_env.tasks.placements import House, Piece, Place, pick
-from gavel_env.tasks.vocabulary import Theme
 
 __all__ = ["Draft", "PlaceTest", "Reference", "Split", "Stated", "Thing", "pair_split"]
 

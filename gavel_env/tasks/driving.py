@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gavel_env.actions import Primitive
-from gavel_env.dynamics import unsafe
-from gavel_env.executor import Executor, Outcome
-from gavel_env.goals import unmet
-from gavel_env.graph import SceneGraph
-from gavel_env.instructions import Instruction
-from gavel_env.scenes import load_scene
+from gavel_env.house.scenes import load_scene
+from gavel_env.instructions.record import Instruction
+from gavel_env.sim.executor import Executor, Outcome
+from gavel_env.world_model.actions import Primitive
+from gavel_env.world_model.dynamics import unsafe
+from gavel_env.world_model.goals import unmet
+from gavel_env.world_model.graph import SceneGraph
 
 __all__ = ["Drive", "drive"]
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
-from gavel_env.ontology import Category
+from gavel_env.instructions.vocabulary import Theme
 from gavel_env.tasks.drafts import Draft, PlaceTest, Reference, Thing
 from gavel_env.tasks.placements import Piece, Place, pick
-from gavel_env.tasks.vocabulary import Theme
+from gavel_env.world_model.ontology import Category
 
 __all__ = [
     "ANY_THEME",

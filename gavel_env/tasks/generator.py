@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from gavel_env.errors import InstructionError
-from gavel_env.instructions import Instruction
+from gavel_env.instructions.record import Instruction
 from gavel_env.tasks.assembly import assemble, initial_graph, rooms_visited
 from gavel_env.tasks.certificate import certify
 from gavel_env.tasks.drafts import Draft, Split

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from gavel_env.actions import Action
-from gavel_env.dynamics import Profile, rollout, unsafe
-from gavel_env.goals import Goal, unmet
-from gavel_env.graph import Flag, SceneGraph
+from gavel_env.world_model.actions import Action
+from gavel_env.world_model.dynamics import Profile, rollout, unsafe
+from gavel_env.world_model.goals import Goal, unmet
+from gavel_env.world_model.graph import Flag, SceneGraph
 
 __all__ = ["Ending", "judge"]
 

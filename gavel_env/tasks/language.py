@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gavel_env.instructions.vocabulary import Vocabulary, default_vocabulary
 from gavel_env.tasks.drafts import Split
 from gavel_env.tasks.errands import Errand
 from gavel_env.tasks.phrases import Speaker
 from gavel_env.tasks.placements import pick
 from gavel_env.tasks.templates import CHOICE, SLOT, Templates, default_templates
-from gavel_env.tasks.vocabulary import Vocabulary, default_vocabulary
 
 __all__ = ["Worded", "capitalise", "compose", "templates_for", "word"]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
+from gavel_env.instructions.vocabulary import Theme
 from gavel_env.tasks.drafts import Draft, PlaceTest, Thing
 from gavel_env.tasks.errands import (
     ANY_THEME,
@@ -25,7 +26,6 @@ from gavel_env.tasks.errands import (
     take_out,
 )
 from gavel_env.tasks.placements import Place, pick
-from gavel_env.tasks.vocabulary import Theme
 
 __all__ = [
     "bring_three",

@@ -17,13 +17,13 @@ import msgspec
 import numpy as np
 
 from gavel_env.errors import InstructionError
-from gavel_env.scenes import load_scene
+from gavel_env.house.scenes import load_scene
 from gavel_env.tasks.assembly import target_of
 from gavel_env.tasks.drafts import Draft, Split
 from gavel_env.tasks.generator import LONG_SHAPES, SHORT_SHAPES, draw_errands
 from gavel_env.tasks.language import compose
 from gavel_env.tasks.placements import House, pick
-from gavel_env.tasks.reading import sentence_faults
+from gavel_env.tasks.wording_checks import sentence_faults
 
 __all__ = ["Pair", "PairSet", "Target", "generate_pairs", "read_pairs"]
 

@@ -7,10 +7,10 @@ import re
 import numpy as np
 
 from gavel_env.errors import DataError
+from gavel_env.instructions.vocabulary import Vocabulary
 from gavel_env.tasks.drafts import Reference, Thing
 from gavel_env.tasks.errands import Errand, Target
 from gavel_env.tasks.placements import pick
-from gavel_env.tasks.vocabulary import Vocabulary
 
 __all__ = ["Speaker", "indefinite"]
 

@@ -14,14 +14,14 @@ from typing import Literal, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from envs_data.evidence import load_evidence
 from gavel_env.errors import SceneError
-from gavel_env.geometry import FloorMap, floor_map
-from gavel_env.graph import SceneGraph
-from gavel_env.grounding import scene_graph
-from gavel_env.ontology import Ontology, default_ontology
-from gavel_env.scenes import Scene, load_scene
-from gavel_env.tasks.vocabulary import Vocabulary, default_vocabulary
+from gavel_env.house.floor_map import FloorMap, floor_map
+from gavel_env.house.scenes import Scene, load_scene
+from gavel_env.instructions.initial_graph import scene_graph
+from gavel_env.instructions.vocabulary import Vocabulary, default_vocabulary
+from gavel_env.tasks.evidence import load_evidence
+from gavel_env.world_model.graph import SceneGraph
+from gavel_env.world_model.ontology import Ontology, default_ontology
 
 __all__ = ["House", "Piece", "Place", "load_house", "pick"]
 

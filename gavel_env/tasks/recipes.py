@@ -13,8 +13,8 @@ import msgspec
 import numpy as np
 
 from gavel_env.errors import InstructionError
-from gavel_env.instructions import Instruction
-from gavel_env.scenes import BENCHMARK_HOUSES, scene_names
+from gavel_env.house.scenes import BENCHMARK_HOUSES, scene_names
+from gavel_env.instructions.record import Instruction
 from gavel_env.tasks.assembly import assemble, initial_graph, rooms_visited
 from gavel_env.tasks.certificate import certify
 from gavel_env.tasks.drafts import Draft
@@ -200,8 +200,8 @@ def multi_benchmark(
         seed: of all randomness.
         names: the houses.
         each: instructions per house.
-        differ: tells of an instruction whether the ordering methods order it differently (`eval.orders`); if given,
-            `DIFFER` of the set do, and each record notes it in `meta`. It must not look at who does better.
+        differ: tells of an instruction whether the ordering methods order it differently (`eval.studies.orders`); if
+            given, `DIFFER` of the set do, and each record notes it in `meta`. It must not look at who does better.
 
     Raises:
         InstructionError: a house affords too little.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gavel_env.ontology import Category
+from gavel_env.instructions.vocabulary import Theme
 from gavel_env.tasks.drafts import Draft, PlaceTest, Thing
 from gavel_env.tasks.errands import (
     ANY_THEME,
@@ -26,7 +26,7 @@ from gavel_env.tasks.errands import (
     take_out,
 )
 from gavel_env.tasks.placements import Place
-from gavel_env.tasks.vocabulary import Theme
+from gavel_env.world_model.ontology import Category
 
 __all__ = [
     "away",

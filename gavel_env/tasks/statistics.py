@@ -8,12 +8,12 @@ from typing import Any
 
 import msgspec
 
-from gavel_env.goals import Literal
-from gavel_env.grounding import instruction_graph
-from gavel_env.instructions import Instruction
-from gavel_env.scenes import load_scene
+from gavel_env.house.scenes import load_scene
+from gavel_env.instructions.initial_graph import instruction_graph
+from gavel_env.instructions.record import Instruction
+from gavel_env.instructions.vocabulary import default_vocabulary
 from gavel_env.tasks.assembly import rooms_visited
-from gavel_env.tasks.vocabulary import default_vocabulary
+from gavel_env.world_model.goals import Literal
 
 __all__ = ["CONFERRED", "Statistics", "furniture_references", "needs_appliance", "statistics"]
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from gavel_agents.understanding.base import Abstention
+from gavel_agents.understanding.interface import Abstention
 from gavel_agents.understanding.rules.discourse import Act, Discourse, designator_of, movables, said
 from gavel_agents.understanding.rules.elements import Cycle, Entity, Frame, Part, Phrase, Room
 from gavel_agents.understanding.rules.groups import locates
 from gavel_agents.understanding.rules.places import can_run, flag_of, process_flag
-from gavel_env.goals import Literal, Predicate
-from gavel_env.ontology import default_ontology
+from gavel_env.world_model.goals import Literal, Predicate
+from gavel_env.world_model.ontology import default_ontology
 
 __all__ = ["about_doors", "door", "process", "run", "switched", "use"]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from gavel_agents.understanding.base import Abstention
+from gavel_agents.understanding.interface import Abstention
 from gavel_agents.understanding.rules.elements import Element, Entity, Frame, Phrase, Pronoun, Room, There
 from gavel_agents.understanding.rules.places import Relation, destination, stated_location
-from gavel_env.goals import Designator, Literal
+from gavel_env.world_model.goals import Designator, Literal
 
 __all__ = ["Act", "Discourse", "designator_of", "said"]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from gavel_agents.understanding.rules.words import Kind
-from gavel_env.ontology import default_ontology
+from gavel_env.world_model.ontology import default_ontology
 
 __all__ = ["Cycle", "Element", "Entity", "Frame", "Part", "Phrase", "Pronoun", "Room", "Separator", "There"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from gavel_agents.understanding.base import Abstention
+from gavel_agents.understanding.interface import Abstention
 from gavel_agents.understanding.rules.discourse import Act, Discourse, movables, said
 from gavel_agents.understanding.rules.elements import Entity, Phrase, Pronoun
 from gavel_agents.understanding.rules.verb_words import verb_forms

@@ -9,12 +9,12 @@ from functools import cache
 from itertools import pairwise
 from typing import NamedTuple
 
-from gavel_agents.understanding.base import Abstention
+from gavel_agents.understanding.interface import Abstention
 from gavel_agents.understanding.rules.nouns import IRREGULAR_PLURALS, ROOM_SYNONYMS, SYNONYMS, VAGUE
 from gavel_agents.understanding.rules.words import CHAT_STARTS, Kind, closed_words
 from gavel_env.errors import nearest_names
-from gavel_env.ontology import default_ontology
-from gavel_env.tasks.vocabulary import default_vocabulary
+from gavel_env.instructions.vocabulary import default_vocabulary
+from gavel_env.world_model.ontology import default_ontology
 
 __all__ = ["Spoken", "Token", "in_a_room", "known_nouns", "plurals", "sentences_of", "words_of"]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gavel_agents.understanding.base import Abstention
+from gavel_agents.understanding.interface import Abstention
 from gavel_agents.understanding.rules.elements import Entity, Room
-from gavel_env.goals import Predicate
-from gavel_env.ontology import default_ontology
+from gavel_env.world_model.goals import Predicate
+from gavel_env.world_model.ontology import default_ontology
 
 __all__ = ["Relation", "can_run", "destination", "flag_of", "process_flag", "stated_location"]
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import zip_longest
 
-from gavel_agents.understanding.base import Abstention, Decomposition, TaskUnderstanding
 from gavel_agents.understanding.checks import check_possible
+from gavel_agents.understanding.interface import Abstention, Decomposition, TaskUnderstanding
 from gavel_agents.understanding.rules.discourse import Discourse
 from gavel_agents.understanding.rules.frames import frames_of
 from gavel_agents.understanding.rules.lexer import sentences_of
 from gavel_agents.understanding.rules.tasks import Sentence, split_tasks
 from gavel_agents.understanding.rules.verbs import read_frame
-from gavel_env.ontology import default_ontology
+from gavel_env.world_model.ontology import default_ontology
 
 __all__ = ["RulesUnderstanding"]
 

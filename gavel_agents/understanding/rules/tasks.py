@@ -11,11 +11,11 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-from gavel_agents.understanding.base import TaskUnderstanding
+from gavel_agents.understanding.interface import TaskUnderstanding
 from gavel_agents.understanding.rules.discourse import Act
 from gavel_agents.understanding.rules.elements import Entity, Phrase, Pronoun, There
 from gavel_agents.understanding.rules.words import Kind
-from gavel_env.goals import Designator, Goal, Literal, Predicate
+from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate
 
 __all__ = ["Sentence", "split_tasks"]
 

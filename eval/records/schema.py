@@ -1,0 +1,243 @@
+"""Episode records: what one episode was, did and came to, as one JSON line (schema `gavel-record/1`).
+
+A record file is JSON Lines of two kinds of line, told apart by `schema`: a `RunHeader` each time a run starts or
+resumes (what was scheduled, on which data, with which versions), and an `EpisodeRecord` per episode. Everything that is
+printed, drawn or reported is a function of such files alone. `eval.records.journal` writes and reads them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import msgspec
+
+from eval.records.sampling import sample
+from gavel_agents.agent import AgentTrace
+
+__all__ = [
+    "OUTCOMES",
+    "Benchmark",
+    "Contestant",
+    "EpisodeKey",
+    "EpisodeRecord",
+    "RejectedLine",
+    "RunHeader",
+    "Step",
+]
+
+OUTCOMES: Mapping[str, str] = {
+    "success": "no violation, goal met, everything safe after the agent's last action",
+    "violation": "an action was refused",
+    "unmet": "the agent ended, and part of the goal does not hold",
+    "unsafe": "the goal holds, but something was left open or on",
+    "truncated": "the step limit was reached",
+    "timeout": "the wall-clock limit was reached",
+    "refused": "the agent declined: the instruction was not understood",
+    "error": "the agent or the environment raised, or its process died",
+    "rejected": "the instruction itself is bad: malformed, or does not fit its scene",
+}
+"""Every way in which an episode ends; all of them stay in the denominator."""
+
+
+class EpisodeKey(NamedTuple):
+    """What makes two episodes the same episode.
+
+    Attributes:
+        data: stamp of everything the episode is built from (instruction file, scenes, ontology).
+        config: stamp of the contestant and of the environment's settings.
+        instruction: instruction id.
+        seed: seed of environment and agent.
+    """
+
+    data: str
+    config: str
+    instruction: str
+    seed: int
+
+
+class Step(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One executed action.
+
+    Attributes:
+        action: text form, as the agent sent it.
+        outcome: "ok" or the violation kind.
+        metres: driven by this action.
+        reached: instance that a `NavigateTo` reached.
+        route: turning points of the drive, (x, y) in metres to 1 cm.
+        detail: the violation in full, with its blocker.
+    """
+
+    action: str
+    outcome: str
+    metres: float = 0.0
+    reached: str | None = None
+    route: tuple[tuple[float, float], ...] = ()
+    detail: str = ""
+
+
+class Contestant(msgspec.Struct, frozen=True, omit_defaults=True):
+    """An agent with everything that is chosen for it: one row of a table.
+
+    `kinds` and `sample` say which episodes are scheduled and are no part of `config`: what is drawn for a sample is the
+    same episode outside it.
+
+    Attributes:
+        agent: registered name.
+        planner: spec of the language model, such as `scripted:FILE`; empty for agents that need none.
+        understanding: name of the task understanding.
+        prior: name of the location prior.
+        config: stamp of the above, of the files they name, and of the environment's settings.
+        privileged: sees the hidden state.
+        kinds: kinds of instructions that it is run on; empty = all.
+        sample: it is run on so many instructions of a benchmark, as `eval.records.sampling` takes them; None = all.
+    """
+
+    agent: str
+    planner: str = ""
+    understanding: str = ""
+    prior: str = ""
+    config: str = ""
+    privileged: bool = False
+    kinds: tuple[str, ...] = ()
+    sample: int | None = None
+
+    def takes(self, kind: str) -> bool:
+        """Return whether it is run on instructions of this kind."""
+        return not self.kinds or kind in self.kinds
+
+    @property
+    def planner_kind(self) -> str:
+        """The part of the planner spec before the colon: `scripted`, `hf`, ...; empty without a planner."""
+        return self.planner.partition(":")[0]
+
+
+class RejectedLine(msgspec.Struct, frozen=True):
+    """A line of an instruction file that is no instruction; scheduled and counted under `id`."""
+
+    id: str
+    reason: str
+
+
+class Benchmark(msgspec.Struct, frozen=True):
+    """The instructions of one kind from one file.
+
+    Attributes:
+        kind: "single", "multi" or "behavior".
+        source: file name, without its folder.
+        stamp: content stamp of the file.
+        data: stamp of the file, of the scenes it uses and of the ontology.
+        instructions: scheduled ids.
+        rejected: lines that could not be read; scheduled too, so that they are counted.
+    """
+
+    kind: str
+    source: str
+    stamp: str
+    data: str
+    instructions: tuple[str, ...]
+    rejected: tuple[RejectedLine, ...] = ()
+
+    @property
+    def scheduled(self) -> tuple[str, ...]:
+        """Every id that counts, rejected lines last."""
+        return (*self.instructions, *(line.id for line in self.rejected))
+
+    def scheduled_for(self, contestant: Contestant) -> tuple[str, ...]:
+        """Return the ids that count for a contestant: nothing of other kinds, its sample, rejected lines."""
+        if not contestant.takes(self.kind):
+            return ()
+        return (*sample(self.instructions, contestant.sample), *(line.id for line in self.rejected))
+
+
+class RunHeader(msgspec.Struct, frozen=True, tag_field="schema", tag="gavel-run/1"):
+    """What a run set out to do.
+
+    Attributes:
+        started: ISO 8601 time, UTC.
+        versions: of this project, Python and the packages that results can depend on.
+        code: git commit (with `+` if files were changed), or the version of the installed package.
+        arguments: of the command line or of `run`.
+        contestants, benchmarks, seeds: the schedule is their product, as far as contestants take an instruction.
+        environment: settings of the environment and of the runner's limits.
+    """
+
+    started: str
+    versions: dict[str, str]
+    code: str
+    arguments: dict[str, Any]
+    contestants: tuple[Contestant, ...]
+    benchmarks: tuple[Benchmark, ...]
+    seeds: tuple[int, ...]
+    environment: dict[str, Any]
+
+    def keys(self) -> list[EpisodeKey]:
+        """Return the scheduled episodes in the order in which they are run."""
+        return [
+            EpisodeKey(benchmark.data, contestant.config, instruction, seed)
+            for benchmark in self.benchmarks
+            for contestant in self.contestants
+            for seed in self.seeds
+            for instruction in benchmark.scheduled_for(contestant)
+        ]
+
+
+class EpisodeRecord(msgspec.Struct, frozen=True, kw_only=True, tag_field="schema", tag="gavel-record/1"):
+    """One episode.
+
+    Attributes:
+        seed, instruction, kind, scene, text: what was to be done, where.
+        data, code: stamps of data and code.
+        contestant: who did it.
+        model, decoding: name and decoding settings of the language model, as it reports them.
+        method: the agent's configuration, as it reports it.
+        trace: tasks with plans before and after repair, verdicts, attempts, order, prompts' hashes, raw answers.
+        steps: what was executed.
+        metres: driven in all.
+        seconds: `setup`, `agent` (in its `reset` and `act`) and `execute`; planning by stage is in the trace.
+        outcome: one of `OUTCOMES`.
+        failure: class of the failure, `violation:closed`, `unmet:cooked`, `error:ValueError`; empty on success.
+        unmet: goal conditions that do not hold at the end; empty if never judged.
+        unsafe: what was left open or on, as literals.
+        tasks_met: per task, whether its goal holds at the end; empty if never judged.
+        error: why it was rejected, or the traceback of a crash; values of environment variables are removed.
+        finished: ISO 8601 time, UTC.
+    """
+
+    seed: int
+    instruction: str
+    kind: str
+    scene: str
+    text: str
+    data: str
+    code: str
+    contestant: Contestant
+    outcome: str
+    failure: str = ""
+    model: str = ""
+    decoding: dict[str, Any] = {}
+    method: dict[str, Any] = {}
+    trace: AgentTrace = msgspec.field(default_factory=AgentTrace)
+    steps: tuple[Step, ...] = ()
+    metres: float = 0.0
+    seconds: dict[str, float] = {}
+    unmet: tuple[str, ...] = ()
+    unsafe: tuple[str, ...] = ()
+    tasks_met: tuple[bool, ...] = ()
+    error: str = ""
+    finished: str = ""
+
+    @property
+    def key(self) -> EpisodeKey:
+        """Which episode this is."""
+        return EpisodeKey(self.data, self.contestant.config, self.instruction, self.seed)
+
+    @property
+    def success(self) -> bool:
+        """Whether the instruction was carried out."""
+        return self.outcome == "success"
+
+    @property
+    def planning_s(self) -> float:
+        """Seconds of planning: the sum over the stages that the agent reports."""
+        return sum(self.trace.seconds.values())

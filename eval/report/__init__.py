@@ -1,0 +1,1 @@
+"""Tables, statistics and the HTML report, as functions of records alone."""

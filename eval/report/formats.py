@@ -1,0 +1,162 @@
+"""Result tables set for a terminal, as Markdown, LaTeX or CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Mapping, Sequence
+
+from eval.report.grid import CHOICES, Grid, grids
+from eval.report.planning_cost import in_order
+from eval.report.statistics import Estimate
+from eval.report.tables import Results, Row
+
+__all__ = ["FORMATS", "render", "to_csv"]
+
+
+def _terminal(tables: Sequence[Grid], _: Results, width: int | None = None) -> str:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console(file=io.StringIO(), width=width, color_system=None)
+    if width is None and not console.is_terminal:
+        console.width = 140
+    for grid in tables:
+        console.print(Text(grid.title, style="bold"))
+        if grid.facts:
+            console.print(Text(" · ".join(grid.facts), style="dim"))
+        table = Table(box=SIMPLE_HEAD, pad_edge=False)
+        for index, name in enumerate(grid.header):
+            table.add_column(Text(name), justify="left" if index < grid.labels else "right", overflow="fold")
+        for row in grid.rows:
+            table.add_row(*map(Text, row))
+        console.print(table)
+        for note in grid.notes:
+            console.print(Text(note))
+        console.print()
+    stream = console.file
+    assert isinstance(stream, io.StringIO)
+    return "\n".join(line.rstrip() for line in stream.getvalue().rstrip().splitlines()) + "\n"
+
+
+def _markdown(tables: Sequence[Grid], _: Results) -> str:
+    parts: list[str] = []
+    for grid in tables:
+        lines = [f"**{grid.title}**", ""]
+        if grid.facts:
+            lines += [_md(" · ".join(grid.facts)), ""]
+        lines.append("| " + " | ".join(_md(cell) for cell in grid.header) + " |")
+        lines.append("|" + "|".join(["---"] * grid.labels + ["--:"] * (len(grid.header) - grid.labels)) + "|")
+        lines += ["| " + " | ".join(_md(cell) for cell in row) + " |" for row in grid.rows]
+        for note in grid.notes:
+            lines += ["", _md(note)]
+        parts.append("\n".join(lines) + "\n")
+    return "\n".join(parts)
+
+
+def _md(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+_LATEX = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "±": r"$\pm$", "×": r"$\times$", "—": "---", "·": r"$\cdot$",
+    "†": r"$\dagger$", "‡": r"$\ddagger$", "§": r"\S{}", "¶": r"\P{}", "…": r"\ldots{}",
+}  # fmt: skip
+
+
+def _tex(text: str) -> str:
+    return "".join(_LATEX.get(character, character) for character in text.replace("\n", " "))
+
+
+def _latex(tables: Sequence[Grid], _: Results) -> str:
+    parts = ["% needs \\usepackage{booktabs}"]
+    for grid in tables:
+        align = "l" * grid.labels + "r" * (len(grid.header) - grid.labels)
+        lines = [r"\begin{table}[t]", r"\centering", rf"\caption{{{_tex('. '.join((grid.title, *grid.facts)))}}}"]
+        lines += [rf"\begin{{tabular}}{{@{{}}{align}@{{}}}}", r"\toprule"]
+        lines += [" & ".join(map(_tex, grid.header)) + r" \\", r"\midrule"]
+        lines += [" & ".join(map(_tex, row)) + r" \\" for row in grid.rows]
+        lines += [r"\bottomrule", r"\end{tabular}"]
+        lines += [r"\par\smallskip{\footnotesize " + _tex(note) + "}" for note in grid.notes]
+        parts.append("\n".join([*lines, r"\end{table}"]))
+    return "\n\n".join(parts) + "\n"
+
+
+def to_csv(results: Results, *, costs: bool = False) -> str:
+    """Return one line per row of every table, numbers in full precision, empty where undefined.
+
+    Args:
+        results: of record files.
+        costs: add tokens and seconds by stage.
+    """
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    stages = in_order(name for s in results.sections for r in s.rows for name in r.costs.seconds) if costs else ()
+    spent = ("prompt_tokens", "completion_tokens", *(f"{name}_s" for name in stages)) if costs else ()
+    measures = ("success_pct", "metres", "matched_metres", "planning_s", "attempts")
+    writer.writerow(
+        [
+            "kind",
+            "source",
+            "stamp",
+            "data",
+            "agent",
+            "privileged",
+            *CHOICES,
+            "config",
+            "seeds",
+            "scheduled",
+            "recorded",
+        ]
+        + [f"{name}{part}" for name in measures for part in ("", "_pm", "_low", "_high")]
+        + ["matched_episodes", "times_oracle"]
+        + [f"{name}{part}" for name in spent for part in ("", "_pm")]
+    )
+    for section in results.sections:
+        bench = section.benchmark
+        for index, row in enumerate(section.rows):
+            who = row.contestant
+            values = (row.success, row.metres, row.matched, row.planning_s, row.attempts)
+            numbers = [_blank(part) for value in values for part in _parts(value)]
+            writer.writerow(
+                [bench.kind, bench.source, bench.stamp, bench.data, who.agent, int(who.privileged)]
+                + [getattr(who, choice) for choice in CHOICES]
+                + [who.config, " ".join(map(str, section.seeds)), row.scheduled, row.recorded, *numbers]
+                + [section.matched if index in section.compared else "", _blank(row.regret)]
+                + ([_blank(part) for value in _spent(row, stages) for part in _parts(value)[:2]] if costs else [])
+            )
+    return stream.getvalue()
+
+
+def _parts(value: Estimate | None) -> tuple[float | None, ...]:
+    if value is None:
+        return (None, None, None, None)
+    return (value.mean, value.spread, *(value.interval or (None, None)))
+
+
+def _spent(row: Row, stages: Sequence[str]) -> list[Estimate | None]:
+    spent = row.costs
+    return [spent.prompt_tokens, spent.completion_tokens, *(spent.seconds.get(name) for name in stages)]
+
+
+def _blank(value: float | None) -> str:
+    return "" if value is None else repr(value)
+
+
+FORMATS: Mapping[str, Callable[[Sequence[Grid], Results], str]] = {
+    "terminal": _terminal,
+    "markdown": _markdown,
+    "latex": _latex,
+    "csv": lambda _, results: to_csv(results),
+}
+"""Format name -> function from the tables and results to text."""
+
+
+def render(results: Results, form: str = "terminal", *, failures: bool = False, costs: bool = False) -> str:
+    """Return the tables of some results in a format of `FORMATS`; CSV has no failure classes."""
+    if form == "csv":
+        return to_csv(results, costs=costs)
+    return FORMATS[form](grids(results, failures=failures, costs=costs), results)

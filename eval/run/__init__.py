@@ -1,0 +1,1 @@
+"""Running agents through environments: contestants, workers, one record per episode."""

@@ -1,0 +1,126 @@
+"""Which agents take part, with which planner, understanding and prior."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import gavel_agents
+from eval.records.schema import Contestant
+from eval.run.episodes import EnvironmentSettings
+from eval.run.rig import ENVIRONMENTS
+from eval.run.runner import contestant
+from gavel_agents.llm import BadPlannerSpec
+from gavel_agents.llm.replay import ShippedRecording, shipped_recordings
+from gavel_agents.methods import METHODS
+from gavel_env.errors import UnknownAgent
+
+__all__ = ["ORDER", "choose", "compared_by_default", "default_agents", "default_planners", "needs_planner"]
+
+ORDER = ("llm-only", "sayplan", "epog", "gavel-basic", "gavel-map", "gavel-static", "gavel-full", "oracle")
+"""Rows of a table, as the paper has them."""
+
+_ALIASES = {"gavel": "gavel-full"}
+
+
+def needs_planner(agent: str) -> bool:
+    """Return whether a built-in agent asks a language model; agents of others are given one if there is one."""
+    return agent in METHODS and METHODS[agent].source == "model"
+
+
+def default_agents(planners: Sequence[str]) -> tuple[str, ...]:
+    """Return the built-in agents that can run: all of them with a planner, else those that need none."""
+    return tuple(agent for agent in ORDER if planners or not needs_planner(agent))
+
+
+def default_planners(kinds: Sequence[str]) -> tuple[str, ...]:
+    """Return, for each kind of instructions, a shipped recording of a real model if there is one, else reference plans.
+
+    Both, where the recording is of a sample. With reference plans in a model's place (no model at all) only what comes
+    after the plan is compared: belief, search and order.
+    """
+    planners: list[str] = []
+    for kind in kinds:
+        recording = shipped_recordings().get(kind)
+        if recording is not None:
+            planners.append(f"{kind}=replay:{kind}")
+        if recording is None or recording.sample is not None:
+            planners.append(f"{kind}=reference:{kind}")
+    return tuple(planners)
+
+
+def compared_by_default(contestant: Contestant) -> bool:
+    """Return whether a contestant says something without being asked for.
+
+    With a recording, those whose every prompt is in it; with reference plans, those that order.
+    """
+    recording = _shipped(contestant.planner)
+    if recording is not None:
+        return contestant.agent in recording.agents
+    return contestant.planner_kind != "reference" or METHODS[contestant.agent].order != "written"
+
+
+def _shipped(planner: str) -> ShippedRecording | None:
+    """Return the shipped recording that a planner's spec names, or None."""
+    kind, _, name = planner.partition(":")
+    return shipped_recordings().get(name) if kind == "replay" else None
+
+
+def choose(
+    agents: Sequence[str],
+    settings: EnvironmentSettings,
+    *,
+    planners: Sequence[str] = (),
+    understanding: str = "reference",
+    prior: str = "choice",
+) -> tuple[Contestant, ...]:
+    """Return the contestants: each agent once per planner, or once if it needs none.
+
+    With a shipped recording of a sample, an agent is run on that sample.
+
+    Args:
+        agents: names.
+        settings: of the environments.
+        planners: specs of language models; `multi=SPEC` is for instructions of that kind alone.
+        understanding: name of the task understanding.
+        prior: name of the location prior.
+
+    Raises:
+        UnknownAgent: with the nearest names.
+        BadPlannerSpec: an agent needs a planner and there is none.
+    """
+    known = gavel_agents.agent_names()
+    chosen: list[Contestant] = []
+    for name in agents:
+        agent = _ALIASES.get(name, name)
+        if agent not in known:
+            raise UnknownAgent(name, known)
+        if agent == "oracle":
+            chosen.append(contestant(agent, settings, privileged=True))
+        elif agent in METHODS and not needs_planner(agent):
+            chosen.append(contestant(agent, settings, understanding=understanding, prior=prior))
+        else:
+            if needs_planner(agent) and not planners:
+                raise BadPlannerSpec(
+                    f"agent {agent!r} asks a language model, and none is given: "
+                    f"add --planner scripted:FILE.jsonl, or leave it out of --agents"
+                )
+            for kinds, planner in map(_for_kind, planners or ("",)):
+                recording = _shipped(planner)
+                chosen.append(
+                    contestant(
+                        agent,
+                        settings,
+                        planner=planner,
+                        understanding=understanding,
+                        prior=prior,
+                        kinds=kinds,
+                        sampled=recording.sample if recording else None,
+                    )
+                )
+    return tuple(dict.fromkeys(chosen))
+
+
+def _for_kind(planner: str) -> tuple[tuple[str, ...], str]:
+    """Split `multi=SPEC` into the kinds it is for and the spec; a spec alone is for all."""
+    kind, equals, spec = planner.partition("=")
+    return ((kind,), spec) if equals and kind in ENVIRONMENTS else ((), planner)

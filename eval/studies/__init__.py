@@ -1,0 +1,1 @@
+"""Studies of single parts: beliefs, understanding, the cost model, recordings, speed."""

@@ -1,0 +1,110 @@
+"""The believed graph G_0: nodes are designators until something is observed (Sec. "Task Understanding")."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import msgspec
+
+from gavel_agents.understanding import TaskUnderstanding
+from gavel_env.world_model.conditions import ON_FLOOR, WITHIN, Formula
+from gavel_env.world_model.goals import Designator, Literal, Predicate
+from gavel_env.world_model.graph import Flag, Node, Relation, Room, SceneGraph, Support, World
+from gavel_env.world_model.ontology import Ontology, category_of
+
+__all__ = ["believed_graph", "uncertain"]
+
+_SUPPORTS = {Predicate.ON_TOP: Relation.ON_TOP, Predicate.INSIDE: Relation.INSIDE}
+
+
+def believed_graph(
+    rooms: Mapping[str, Room],
+    connections: frozenset[tuple[str, str]],
+    tasks: Iterable[TaskUnderstanding],
+    ontology: Ontology,
+    robot_room: str | None,
+) -> SceneGraph:
+    """Return G_0 with the stated relations of all tasks inserted: G_0 <- Insert(G_0, E_i).
+
+    A designator whose stated room is the only one of its type stands in that room; every other location is unknown.
+
+    Raises:
+        UnknownCategory: a designator's category is not in the ontology.
+    """
+    tasks = tuple(tasks)
+    designators = dict.fromkeys(d for task in tasks for d in task.objects)
+    moved = _moved(tasks)
+    nodes = {str(d): _node(d, ontology, moved) for d in designators}
+    graph = SceneGraph(World.of(rooms, connections, nodes), {}, {}, robot_room=robot_room)
+    for designator in designators:
+        room = _only_room(rooms, designator.room)
+        if room is not None:
+            graph = graph.place(str(designator), Support(Relation.FLOOR, room))
+    for task in tasks:
+        for relation in task.relations:
+            graph = _insert(graph, relation)
+    return graph
+
+
+def uncertain(graph: SceneGraph) -> tuple[str, ...]:
+    """Return O^qry: the outermost nodes whose room the graph does not say (what stands on them follows them)."""
+    return tuple(obj for obj in graph.world.nodes if obj not in graph.supports)
+
+
+def _node(designator: Designator, ontology: Ontology, moved: frozenset[str]) -> Node:
+    name = designator.name if designator.name in ontology else category_of(designator.name)
+    category = ontology[name]
+    carried = category.carryable and (str(designator) in moved or category.wipes)
+    return Node(str(designator), category, not (category.graspable or carried), designator.room)
+
+
+_MOVING = {p.value for p in Predicate if p.arity == 2} | {ON_FLOOR, WITHIN}
+
+
+def _moved(tasks: Iterable[TaskUnderstanding]) -> frozenset[str]:
+    """Return what goals want in, on or beside something else.
+
+    What takes both arms is mostly furniture, which stays where it is; of these only what a goal wants moved is movable.
+    """
+    moved: set[str] = set()
+    for task in tasks:
+        moved.update(str(lit.subject) for lit in task.goal.literals if lit.object is not None)
+        for condition in task.goal.conditions:
+            for atom, _, domains in condition.asked() if isinstance(condition, Formula) else ():
+                if atom.predicate in _MOVING:
+                    moved.update(domains.get(atom.args[0], atom.args[:1]))
+    return frozenset(moved)
+
+
+def _only_room(rooms: Mapping[str, Room], stated: str | None) -> str | None:
+    fitting = [r.id for r in rooms.values() if stated in (r.id, r.type)]
+    return fitting[0] if len(fitting) == 1 else None
+
+
+def _insert(graph: SceneGraph, relation: Literal) -> SceneGraph:
+    """Insert one stated relation; relations that the graph does not carry are left to the belief."""
+    subject = str(relation.subject)
+    if relation.predicate in _SUPPORTS and relation.object is not None:
+        return graph.place(subject, Support(_SUPPORTS[relation.predicate], str(relation.object)))
+    if relation.predicate is Predicate.IN_ROOM and relation.object is not None:
+        room = _only_room(graph.world.rooms, str(relation.object))
+        if room is not None:
+            return graph.place(subject, Support(Relation.FLOOR, room))
+        node = graph.world.nodes[subject]._replace(stated_room=str(relation.object))
+        return graph.with_nodes({subject: node})
+    if relation.predicate in (Predicate.NEXT_TO, Predicate.UNDER) and relation.object is not None:
+        a, b = sorted((subject, str(relation.object)))
+        return msgspec.structs.replace(graph, next_to=graph.next_to | {(a, b)})
+    flag = relation.predicate.flag
+    if flag is not None:
+        return graph.with_flag(flag, frozenset((subject,)), value=not relation.negated)
+    return graph
+
+
+def observe_flags(graph: SceneGraph, seen: SceneGraph, bound: Mapping[str, str]) -> SceneGraph:
+    """Return the believed graph with the observed flags of every bound node."""
+    flags = list(graph.flags)
+    for flag in Flag:
+        known = frozenset(node for node, instance in bound.items() if instance in seen.flags[flag])
+        flags[flag] = (flags[flag] - frozenset(bound)) | known
+    return msgspec.structs.replace(graph, flags=tuple(flags))

@@ -1,0 +1,1 @@
+"""Belief-aware task ordering: expected travel, and the order that minimises it."""

@@ -1,0 +1,291 @@
+"""Reading plans out of model output: pi_i <- Parse(LLM(p)), tolerant and typed.
+
+Code fences, thinking blocks, JSON of several shapes, lines, numbering, bullets, several tasks in one answer: what can
+be read as an action is read, and what was left out is listed with its reason. A malformed answer is a result, never an
+exception.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+
+from gavel_agents.proposing.parse_line import calls_in, from_parts, read_line, without_bullet
+from gavel_agents.proposing.resolve import resolve
+from gavel_env.world_model.actions import Action
+from gavel_env.world_model.graph import SceneGraph
+from gavel_env.world_model.verdict import Plan
+
+__all__ = ["Dropped", "ParsedPlans", "parse_plans"]
+
+
+class Dropped(msgspec.Struct, frozen=True):
+    """Text that was left out.
+
+    Attributes:
+        line: 1-based line of the answer; 0 for an entry of a JSON answer.
+        text: what stood there, at most 120 characters.
+        reason: why it is no action.
+    """
+
+    line: int
+    text: str
+    reason: str
+
+
+class ParsedPlans(msgspec.Struct, frozen=True):
+    """What an answer says.
+
+    Attributes:
+        plans: one plan per task, in the order of the tasks; missing ones are empty.
+        dropped: what was left out.
+        problem: why no plan could be read, or empty.
+    """
+
+    plans: tuple[Plan, ...]
+    dropped: tuple[Dropped, ...] = ()
+    problem: str = ""
+
+    @property
+    def plan(self) -> Plan:
+        """All plans, one after the other."""
+        return tuple(action for plan in self.plans for action in plan)
+
+
+_THINKING = re.compile(r"<(think|thinking|reasoning)>.*?</\1>", re.DOTALL | re.IGNORECASE)
+_THINKING_END = re.compile(r"^.*</(?:think|thinking|reasoning)>", re.DOTALL | re.IGNORECASE)
+_THINKING_START = re.compile(r"<(?:think|thinking|reasoning)>", re.IGNORECASE)
+_BRACKET = re.compile(r"[\[{]")
+_FENCE = re.compile(r"^\s*(?:```|~~~)")
+_HEADING = re.compile(
+    r"^\W*(?:(?:plan|actions?|steps?)\s+for\s+)?(?:sub)?[\s_-]*tasks?[\s_#-]*(\d+)\b\W*", re.IGNORECASE
+)
+
+_VERB_KEYS = ("action", "primitive", "verb", "name", "type", "act", "skill", "function", "command", "operation")
+_TARGET_KEYS = (
+    "target",
+    "object",
+    "obj",
+    "argument",
+    "arguments",
+    "args",
+    "arg",
+    "params",
+    "parameters",
+    "location",
+    "item",
+    "to",
+)
+_PLAN_KEYS = ("plan", "actions", "steps", "action_sequence", "sequence", "action_plan")
+_TASKS_KEYS = ("tasks", "plans", "subtasks", "task_plans")
+
+
+def parse_plans(text: str, graph: SceneGraph | None = None, tasks: int | None = None) -> ParsedPlans:
+    """Read the plans in a model's answer.
+
+    Args:
+        text: the raw answer.
+        graph: resolve names against it (`names.resolve`).
+        tasks: number of tasks asked for; plans beyond it are appended to the last one, missing ones are empty.
+    """
+    body = _THINKING.sub(_blank, text)
+    body = _THINKING_END.sub(_blank, body)
+    if _THINKING_START.search(body):
+        body = _THINKING_START.split(body)[0]
+        if not body.strip():
+            return _finish({}, [], tasks, "the answer ends within its thinking")
+    if not body.strip():
+        return _finish({}, [], tasks, "the answer is empty")
+    dropped: list[Dropped] = []
+    plans: dict[int, list[Action]] = {}
+    data = _find_json(body)
+    if data is not None:
+        _read_tasks(data, plans, dropped)
+    if not any(plans.values()):
+        plans, dropped = {}, []
+        _read_lines(body, plans, dropped)
+    problem = "" if any(plans.values()) else "no action in the answer"
+    parsed = _finish(plans, dropped, tasks, problem)
+    if graph is None:
+        return parsed
+    return msgspec.structs.replace(parsed, plans=tuple(resolve(graph, plan) for plan in parsed.plans))
+
+
+def _blank(thinking: re.Match[str]) -> str:
+    """Return as many line ends as a stretch of thinking has, so that line numbers stay."""
+    return "\n" * thinking.group().count("\n")
+
+
+def _finish(plans: dict[int, list[Action]], dropped: list[Dropped], tasks: int | None, problem: str) -> ParsedPlans:
+    """Order plans by task number and make their count what was asked for."""
+    if tasks is None or not all(1 <= number <= tasks for number in plans):
+        ordered = [plans[number] for number in sorted(plans)]
+    else:
+        ordered = [plans.get(number, []) for number in range(1, tasks + 1)]
+    if tasks is not None:
+        if len(ordered) > tasks:
+            head, rest = ordered[: tasks - 1], ordered[tasks - 1 :]
+            ordered = [*head, [action for plan in rest for action in plan]]
+        ordered += [[]] * (tasks - len(ordered))
+    return ParsedPlans(tuple(map(tuple, ordered)), tuple(dropped), problem)
+
+
+# --- lines ---------------------------------------------------------------------------------------------------------
+
+
+def _read_lines(body: str, plans: dict[int, list[Action]], dropped: list[Dropped]) -> None:
+    task = 1
+    for number, line in enumerate(body.splitlines(), start=1):
+        if _FENCE.match(line):
+            continue
+        rest = line.strip().strip("`*_ \t")
+        heading = _HEADING.match(rest)
+        if heading:
+            task = int(heading.group(1))
+            plans.setdefault(task, [])
+            calls = list(calls_in(rest[heading.end() :]))
+            plans[task] += calls
+            continue
+        rest = without_bullet(rest)
+        if not rest:
+            continue
+        actions, reason = read_line(rest)
+        if actions:
+            plans.setdefault(task, []).extend(actions)
+        if reason:
+            dropped.append(Dropped(number, line.strip()[:120], reason))
+
+
+# --- JSON ----------------------------------------------------------------------------------------------------------
+
+
+def _find_json(body: str) -> Any:
+    """Return the JSON value in an answer: the largest that decodes; None if there is none."""
+    decoder = json.JSONDecoder()
+    best: Any = None
+    best_length = 1
+    at = 0
+    values: list[Any] = []
+    while (match := _BRACKET.search(body, at)) is not None:
+        start = match.start()
+        try:
+            value, end = decoder.raw_decode(body, start)
+        except (json.JSONDecodeError, RecursionError):
+            value, end = _python_literal(body, start)
+        if value is None:
+            at = start + 1
+            continue
+        values.append(value)
+        if end - start > best_length:
+            best, best_length = value, end - start
+        at = end
+    plans = [v for v in values if isinstance(v, list | dict) and v]
+    # One block per task.
+    if (
+        len(plans) > 1
+        and len({type(v) for v in plans}) == 1
+        and not all(isinstance(v, dict) and _verb(v) for v in plans)
+    ):
+        return plans if isinstance(plans[0], list) else best
+    return plans if len(plans) > 1 and all(isinstance(v, dict) for v in plans) else best
+
+
+def _python_literal(body: str, start: int) -> tuple[Any, int]:
+    """Decode a Python-like literal (single quotes, trailing commas) that starts at `start`; None if there is none."""
+    closing = {"[": "]", "{": "}"}[body[start]]
+    end = body.rfind(closing) + 1
+    if end <= start:
+        return None, start
+    try:
+        return ast.literal_eval(body[start:end]), end
+    except (ValueError, SyntaxError, MemoryError, RecursionError):
+        return None, start
+
+
+def _read_tasks(data: Any, plans: dict[int, list[Action]], dropped: list[Dropped]) -> None:
+    """Sort a JSON answer into tasks."""
+    if isinstance(data, dict):
+        for key in (*_PLAN_KEYS, *_TASKS_KEYS):
+            if isinstance(data.get(key), list | dict):
+                _read_tasks(data[key], plans, dropped)
+                return
+        if _verb(data) is None:
+            for position, (key, value) in enumerate(data.items(), start=1):
+                number = re.search(r"\d+", str(key))
+                if isinstance(value, list | dict):
+                    task = int(number.group()) if number else position
+                    _read_steps(_unwrapped(value), plans.setdefault(task, []), dropped)
+                else:
+                    dropped.append(Dropped(0, f"{key}: {value}"[:120], "neither a plan nor a list of actions"))
+            return
+    if isinstance(data, list) and data and all(_is_plan(entry) for entry in data):
+        for position, entry in enumerate(data, start=1):
+            _read_steps(_unwrapped(entry), plans.setdefault(position, []), dropped)
+        return
+    _read_steps(data if isinstance(data, list) else [data], plans.setdefault(1, []), dropped)
+
+
+def _is_plan(entry: Any) -> bool:
+    """Return whether an entry of a list is itself a plan: a list that is no [verb, target] pair, or has a plan key."""
+    if isinstance(entry, dict):
+        return any(isinstance(entry.get(key), list) for key in _PLAN_KEYS)
+    if not isinstance(entry, list):
+        return False
+    return not (entry and all(isinstance(e, str) for e in entry) and from_parts(entry[0], entry[1:]) is not None)
+
+
+def _unwrapped(entry: Any) -> list[Any]:
+    if isinstance(entry, dict):
+        for key in _PLAN_KEYS:
+            if isinstance(entry.get(key), list):
+                return list(entry[key])
+        return [entry]
+    return list(entry) if isinstance(entry, list) else [entry]
+
+
+def _verb(entry: dict[Any, Any]) -> str | None:
+    found = next((entry[key] for key in _VERB_KEYS if isinstance(entry.get(key), str)), None)
+    return found if found is None else str(found)
+
+
+def _read_steps(steps: Sequence[Any], plan: list[Action], dropped: list[Dropped]) -> None:
+    for step in steps:
+        actions, reason = _read_step(step)
+        plan.extend(actions)
+        if reason:
+            dropped.append(Dropped(0, str(step)[:120], reason))
+
+
+def _read_step(step: Any) -> tuple[list[Action], str]:
+    """Return the actions of one JSON entry, and why it has none."""
+    if isinstance(step, str):
+        return read_line(without_bullet(step))
+    if isinstance(step, list) and step and all(isinstance(part, str) for part in step):
+        action = from_parts(step[0], step[1:])
+        return ([action], "") if action is not None else ([], f"no primitive {step[0]!r}")
+    if isinstance(step, dict):
+        verb = _verb(step)
+        if verb is None and len(step) == 1:
+            (key, value) = next(iter(step.items()))
+            action = from_parts(str(key), _names(value))
+            return ([action], "") if action is not None else ([], f"no primitive {key!r}")
+        if verb is not None:
+            names = [name for key in _TARGET_KEYS for name in _names(step.get(key))]
+            if not names and (calls := read_line(verb)[0]):
+                return calls, ""
+            action = from_parts(verb, names)
+            return ([action], "") if action is not None else ([], f"no primitive, or no target, in {verb!r}")
+    return [], "not an action"
+
+
+def _names(value: Any) -> list[str]:
+    if isinstance(value, str):
+        return [value]
+    if isinstance(value, dict):
+        return [name for part in value.values() for name in _names(part)]
+    return [name for part in value for name in _names(part)] if isinstance(value, list) else []

@@ -1,0 +1,1 @@
+"""The Gymnasium environments, their spaces and their wrappers."""

@@ -1,0 +1,1 @@
+"""Compiled kernels (numba): routes, drawing onto grids, lines of sight."""

@@ -1,0 +1,13 @@
+"""Instructions: their files, where environments take them from, and the hidden graph that they start with."""
+
+from gavel_env.instructions.record import (
+    Instruction,
+    InstructionSet,
+    Placement,
+    Rejected,
+    TaskSpec,
+    read_instructions,
+    shipped,
+)
+
+__all__ = ["Instruction", "InstructionSet", "Placement", "Rejected", "TaskSpec", "read_instructions", "shipped"]

@@ -1,0 +1,204 @@
+"""Instruction files: JSON Lines, one certified (or yet uncertified) instruction per line (docs/instructions.md).
+
+An instruction says the scene, the sentence, where the movables are placed, and its tasks: each with its own sentence,
+goal literals and reference plan as text actions.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import msgspec
+
+from gavel_env.errors import GavelError, InstructionError, UnknownInstruction
+from gavel_env.world_model.actions import Action, parse_action
+from gavel_env.world_model.conditions import Formula
+from gavel_env.world_model.goals import Goal, parse_goal
+
+__all__ = ["Instruction", "InstructionSet", "Placement", "Rejected", "TaskSpec", "read_instructions", "shipped"]
+
+
+class Placement(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """One movable and where it starts.
+
+    Attributes:
+        category: name in the ontology.
+        relation: on / in a piece, or on the floor of a room (`target` is then a room id or type).
+        target: instance id, or designator; of several that fit, the first in the scene's order.
+        id: instance id to use; default `<category>_<next free index>`.
+        states: flags that hold at the start, such as `frozen`.
+    """
+
+    category: str
+    relation: Literal["on", "in", "floor"]
+    target: str
+    id: str | None = None
+    states: tuple[str, ...] = ()
+
+
+class TaskSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A task I_i: sentence, goal literals g_i and reference plan, each in text form.
+
+    `conditions` are what literals cannot say (docs/behavior.md), in JSON form; they hold together with the literals.
+    """
+
+    text: str
+    goal: tuple[str, ...]
+    reference_plan: tuple[str, ...]
+    conditions: tuple[Formula, ...] = ()
+
+    def parsed_goal(self) -> Goal:
+        """Return g_i."""
+        return Goal(parse_goal(self.goal).literals, self.conditions)
+
+    def parsed_plan(self) -> tuple[Action, ...]:
+        """Return the reference plan."""
+        return tuple(parse_action(text) for text in self.reference_plan)
+
+
+class Instruction(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """An instruction I.
+
+    Attributes:
+        id: unique in its file.
+        scene: name of a shipped scene, or path of a scene file.
+        text: the sentence(s) the agent reads.
+        placements: movables added to the scene.
+        tasks: the independent tasks that make it up (one for single-task instructions).
+        kind: "single", "multi" or "behavior".
+        initial: states of the scene's own pieces at the start, as literals (`open(fridge_0)`), and what lies beside or
+            under what (`next_to(ball_0, sofa_0)`).
+        meta: free notes of the generator (template, seed, difficulty knobs); never shown to agents.
+    """
+
+    id: str
+    scene: str
+    text: str
+    placements: tuple[Placement, ...]
+    tasks: tuple[TaskSpec, ...]
+    kind: Literal["single", "multi", "behavior"] = "single"
+    initial: tuple[str, ...] = ()
+    meta: Mapping[str, Any] = {}
+
+    def goal(self) -> Goal:
+        """Return g, the union of the tasks' goals."""
+        union = Goal()
+        for task in self.tasks:
+            union = union | task.parsed_goal()
+        return union
+
+    def reference_plan(self) -> tuple[Action, ...]:
+        """Return the tasks' reference plans in the order written."""
+        return tuple(action for task in self.tasks for action in task.parsed_plan())
+
+
+class Rejected(NamedTuple):
+    """A line that could not be read, and why."""
+
+    line: int
+    reason: str
+
+
+class InstructionSet(Mapping[str, Instruction]):
+    """The instructions of a file by id, the lines that were rejected, and the content stamp."""
+
+    def __init__(self, records: Iterable[Instruction], rejected: Iterable[Rejected], stamp: str, source: str) -> None:
+        self._records = {r.id: r for r in records}
+        self.rejected = tuple(rejected)
+        self.stamp = stamp
+        self.source = source
+
+    def __getitem__(self, instruction_id: str) -> Instruction:
+        """Return the instruction.
+
+        Raises:
+            UnknownInstruction: with the nearest ids.
+        """
+        try:
+            return self._records[instruction_id]
+        except KeyError:
+            raise UnknownInstruction(instruction_id, self._records, self.source) from None
+
+    def __contains__(self, instruction_id: object) -> bool:
+        return instruction_id in self._records
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._records)
+
+    def __len__(self) -> int:
+        return len(self._records)
+
+
+def parse_instruction(line: str | bytes | Mapping[str, Any] | Instruction, place: str) -> Instruction:
+    """Read one record and check that its goals and plans parse.
+
+    Raises:
+        InstructionError: names the place, the field and the value.
+    """
+    try:
+        if isinstance(line, Instruction):
+            record = line
+        elif isinstance(line, str | bytes):
+            record = msgspec.json.decode(line, type=Instruction)
+        else:
+            record = msgspec.convert(line, type=Instruction)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise InstructionError(f"{place}: malformed instruction: {error}") from error
+    if not record.tasks:
+        raise InstructionError(f"{place}: instruction {record.id!r} has no tasks")
+    for index, task in enumerate(record.tasks):
+        try:
+            task.parsed_goal()
+            task.parsed_plan()
+        except GavelError as error:
+            raise InstructionError(f"{place}: instruction {record.id!r}, tasks[{index}]: {error}") from error
+        if not task.goal and not task.conditions:
+            raise InstructionError(f"{place}: instruction {record.id!r}, tasks[{index}]: goal has no literals")
+    return record
+
+
+def read_instructions(path: str | Path) -> InstructionSet:
+    """Read an instruction file; bad lines and repeated ids are rejected with their reason, the others kept.
+
+    Raises:
+        InstructionError: the file cannot be read, or holds no good line.
+    """
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise InstructionError(f"instruction file {path} cannot be read: {error.strerror}") from error
+    records: dict[str, Instruction] = {}
+    rejected: list[Rejected] = []
+    for number, line in enumerate(content.splitlines(), start=1):
+        if not line.strip():
+            continue
+        try:
+            record = parse_instruction(line, f"{path}:{number}")
+        except InstructionError as error:
+            rejected.append(Rejected(number, str(error)))
+            continue
+        if record.id in records:
+            rejected.append(Rejected(number, f"{path}:{number}: the id {record.id!r} stands twice"))
+            continue
+        records[record.id] = record
+    if not records:
+        first = f"; line {rejected[0].line}: {rejected[0].reason}" if rejected else ""
+        raise InstructionError(f"instruction file {path} holds no instruction{first}")
+    return InstructionSet(records.values(), rejected, hashlib.sha256(content).hexdigest()[:16], str(path))
+
+
+def shipped(name: str) -> Path:
+    """Return the path of a shipped instruction file by name (`single`, `multi`, ...).
+
+    Raises:
+        UnknownInstruction: no such file; the message lists those that exist.
+    """
+    folder = Path(str(resources.files("envs_data") / "instructions"))
+    path = folder / f"{name}.jsonl"
+    if not path.is_file():
+        raise UnknownInstruction(name, [p.stem for p in folder.glob("*.jsonl")], "the shipped instruction files")
+    return path

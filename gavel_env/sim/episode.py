@@ -1,0 +1,221 @@
+"""One episode: an instruction in its house, the executor that runs it, and the judge of the hidden graph.
+
+Whoever holds an `Episode` can reach the hidden world; agents never do. They are given `Episode.observed`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gavel_env.errors import GavelError
+from gavel_env.exchange import EnvAction, Observed
+from gavel_env.house.floor_map import FloorMap, known_layout
+from gavel_env.house.robot_config import RobotConfig
+from gavel_env.house.scenes import Scene, load_scene
+from gavel_env.instructions.initial_graph import instruction_graph
+from gavel_env.instructions.record import Instruction
+from gavel_env.sim.executor import Accepts, Executor, Outcome
+from gavel_env.world_model.actions import Action, Primitive
+from gavel_env.world_model.dynamics import Profile, Violation, unsafe
+from gavel_env.world_model.goals import Designator, Goal, fitting, unmet
+from gavel_env.world_model.graph import Flag, SceneGraph
+from gavel_env.world_model.ontology import Ontology
+
+__all__ = ["Episode", "Judgement", "Privileged"]
+
+
+class Judgement(NamedTuple):
+    """Whether the hidden world is as the instruction asks.
+
+    Attributes:
+        success: no violation, nothing unmet, nothing unsafe.
+        violation: the violation that ended the episode, or None.
+        unmet: goal conditions that do not hold, in text form.
+        unsafe: what was left open or on, as literals.
+        metres: driven.
+    """
+
+    success: bool
+    violation: Violation | None
+    unmet: tuple[str, ...]
+    unsafe: tuple[str, ...]
+    metres: float
+
+
+class Privileged(NamedTuple):
+    """The hidden state, for the oracle and for records.
+
+    Attributes:
+        graph: G*_t.
+        instruction: the whole record, with placements and reference plans.
+        scene: the house with its furniture.
+        floor: the map with its furniture.
+        cell: flat map cell of the robot.
+        executor: the running executor; stepping it changes the episode.
+    """
+
+    graph: SceneGraph
+    instruction: Instruction
+    scene: Scene
+    floor: FloorMap
+    cell: int
+    executor: Executor
+
+
+class Episode:
+    """A running episode.
+
+    Args:
+        instruction: what to do, and where everything starts.
+        profile: rules profile.
+        robot: body, camera and search habits.
+        ontology: affordances.
+        rng: decides where on a room's floor the movables lie that start there.
+
+    Raises:
+        InstructionError: a placement does not fit, or a goal holds at the start.
+        UnknownScene, SceneError: the scene is not there or malformed.
+    """
+
+    def __init__(
+        self,
+        instruction: Instruction,
+        *,
+        profile: Profile,
+        robot: RobotConfig,
+        ontology: Ontology,
+        rng: np.random.Generator,
+    ) -> None:
+        self.instruction = instruction
+        self.scene = load_scene(instruction.scene)
+        hidden = instruction_graph(self.scene, instruction, ontology)
+        self.executor = Executor(self.scene, hidden, robot, rng, profile, ontology)
+        self.layout = known_layout(self.scene, robot)
+        self.goal: Goal = instruction.goal()
+        self.start = self.executor.hidden
+        self.violation: Violation | None = None
+        self._ontology = ontology
+        self._doubted = 0
+        self._positions: dict[str, tuple[float, float]] = {}
+        self.observed = self._view("", None)
+
+    # --- acting --------------------------------------------------------------------------------------------------
+
+    def step(self, action: EnvAction, excluded_rooms: frozenset[str] = frozenset()) -> Outcome:
+        """Run one action; `excluded_rooms` are rooms whose instances a designator does not mean.
+
+        Raises:
+            UnknownObject: the search prior names no room of the scene.
+            BadSearchPrior: a weight is negative or not finite.
+        """
+        bound, accepts = self._bind(action, excluded_rooms)
+        outcome = self.executor.step(bound, action.search_prior, accepts)
+        self.violation = self.violation or outcome.violation
+        went = outcome.ok and outcome.action.primitive is Primitive.NAVIGATE_TO
+        kind = "ok" if outcome.violation is None else outcome.violation.kind.value
+        self.observed = self._view(kind, outcome.action.target if went else None)
+        return outcome
+
+    def _bind(self, action: EnvAction, excluded_rooms: frozenset[str]) -> tuple[Action, Accepts | None]:
+        """Return the action, its target bound if it can be now, and the test of what a search is for."""
+        plain = Action(action.primitive, action.target)
+        world = self.observed.graph.world
+        if action.target is None or action.target in world.nodes or action.target in world.rooms:
+            return plain, None
+        try:
+            designator = Designator.parse(action.target)
+        except GavelError:
+            return plain, None
+        accepts = self._acceptance(designator, action.other_than, excluded_rooms)
+        if action.primitive is Primitive.NAVIGATE_TO:
+            return plain, accepts if designator.name in self._ontology else None
+        found = [obj for obj in fitting(self.observed.graph, designator) if accepts(obj)]
+        found.sort(key=lambda obj: (obj not in self.observed.graph.near, obj == self.observed.graph.holding))
+        return (Action(action.primitive, found[0]) if found else plain), None
+
+    def _acceptance(
+        self, designator: Designator, other_than: tuple[str, ...], excluded_rooms: frozenset[str]
+    ) -> Accepts:
+        def accepts(obj: str) -> bool:
+            graph = self.executor.hidden
+            if graph.category(obj).name != designator.name or obj in other_than:
+                return False
+            if designator.room is None and not excluded_rooms:
+                return True
+            room = graph.room_of(obj)
+            if room is None or room in excluded_rooms:
+                return False
+            return designator.room in (None, room, graph.world.rooms[room].type)
+
+        return accepts
+
+    # --- seeing --------------------------------------------------------------------------------------------------
+
+    def _view(self, outcome: str, reached: str | None) -> Observed:
+        state = self.executor.observed
+        graph = state.graph
+        return Observed(
+            instruction=self.instruction.text,
+            graph=graph,
+            layout=self.layout,
+            positions=self._place(graph),
+            cell=state.cell,
+            heading_deg=math.degrees(state.heading),
+            searched=frozenset(state.searched),
+            metres=state.metres,
+            outcome=outcome,
+            reached=reached,
+        )
+
+    def _place(self, graph: SceneGraph) -> dict[str, tuple[float, float]]:
+        """Return where every observed object is; only what is new, carried or just put down is looked up."""
+        last = self.observed.graph if self._positions else None
+        moved: set[str] = set()
+        for held in {graph.holding, None if last is None else last.holding} - {None}:
+            assert held is not None
+            moved.update((held, *graph.descendants(held)))
+        fresh = [obj for obj in graph.world.nodes if obj not in self._positions or obj in moved]
+        if fresh:
+            self._positions = self._positions | {obj: self.executor.position(obj) for obj in fresh}
+        return self._positions
+
+    # --- judging -------------------------------------------------------------------------------------------------
+
+    def judge(self, *, violations_count: bool = True) -> Judgement:
+        """Return the judgement of the hidden graph as it stands; `violations_count`: a refused action is a failure."""
+        hidden = self.executor.hidden
+        missing = tuple(str(condition) for condition in unmet(self.goal, hidden))
+        left = unsafe(self.start, hidden, self.goal)
+        violation = self.violation if violations_count else None
+        return Judgement(
+            success=violation is None and not missing and not left,
+            violation=violation,
+            unmet=missing,
+            unsafe=tuple(f"{'open' if flag is Flag.OPEN else 'toggled'}({obj})" for flag, obj in left),
+            metres=self.executor.observed.metres,
+        )
+
+    def succeeded(self) -> bool:
+        """Return whether everything is met and safe, quickly: the literal that failed last is looked at first."""
+        hidden = self.executor.hidden
+        literals = self.goal.literals
+        for offset in range(len(literals)):
+            index = (self._doubted + offset) % len(literals)
+            if unmet(Goal((literals[index],)), hidden):
+                self._doubted = index
+                return False
+        return not unmet(self.goal, hidden) and not unsafe(self.start, hidden, self.goal)
+
+    def reveal(self) -> Privileged:
+        """Make every object observed, and return the hidden state."""
+        self.executor.reveal()
+        self.observed = self._view("", None)
+        return self.privileged()
+
+    def privileged(self) -> Privileged:
+        """Return the hidden state."""
+        executor = self.executor
+        return Privileged(executor.hidden, self.instruction, self.scene, executor.floor, self.observed.cell, executor)

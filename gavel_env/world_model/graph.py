@@ -1,0 +1,259 @@
+"""The typed scene graph G = (V, E, Phi), V = rooms + objects + robot (Sec. "Problem Statement" of the paper).
+
+One class serves the hidden world G* and the agents' believed graph. A graph is frozen; `dynamics.apply` returns a new
+one that shares what did not change. What never changes within an episode (rooms, categories) stands in `World`.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import msgspec
+import networkx as nx
+
+from gavel_env.world_model.ontology import Category
+
+__all__ = ["Flag", "Node", "Relation", "Room", "SceneGraph", "Support", "World"]
+
+
+class Relation(enum.IntEnum):
+    """How a movable is held up: every movable has exactly one support."""
+
+    ON_TOP = 0
+    INSIDE = 1
+    FLOOR = 2
+    HELD = 3
+
+
+class Flag(enum.IntEnum):
+    """Unary states Phi. The first five are the paper's; the others serve BEHAVIOR activities."""
+
+    OPEN = 0
+    TOGGLED = 1
+    COOKED = 2
+    WASHED = 3
+    DRIED = 4
+    HOT = 5
+    FROZEN = 6
+    DIRTY = 7
+
+
+class Room(NamedTuple):
+    """A room instance r and its type tau(r)."""
+
+    id: str
+    type: str
+
+
+class Support(NamedTuple):
+    """What holds an object: an object id (`ON_TOP`, `INSIDE`), a room id (`FLOOR`), or the robot (`HELD`)."""
+
+    relation: Relation
+    holder: str
+
+
+class Node(NamedTuple):
+    """An object o: its category c(o), whether it is a fixed piece, and the room type a designator states, if any."""
+
+    id: str
+    category: Category
+    fixed: bool
+    stated_room: str | None = None
+
+
+ROBOT = "robot"
+
+
+class World(msgspec.Struct, frozen=True):
+    """The unchanging part: rooms, their connections, and the objects' categories."""
+
+    rooms: Mapping[str, Room]
+    connections: frozenset[tuple[str, str]]
+    nodes: Mapping[str, Node]
+    by_category: Mapping[str, tuple[str, ...]]
+
+    @classmethod
+    def of(cls, rooms: Mapping[str, Room], connections: frozenset[tuple[str, str]], nodes: Mapping[str, Node]) -> World:
+        """Build a world and its category index."""
+        index: dict[str, list[str]] = {}
+        for node in nodes.values():
+            index.setdefault(node.category.name, []).append(node.id)
+        return cls(rooms, connections, nodes, {name: tuple(ids) for name, ids in index.items()})
+
+
+_NO_FLAGS: tuple[frozenset[str], ...] = (frozenset(),) * len(Flag)
+
+
+class SceneGraph(msgspec.Struct, frozen=True):
+    """One state of the world.
+
+    Attributes:
+        world: rooms, connections and categories.
+        supports: object id -> its support; absent = location unknown.
+        contents: holder object id -> ids directly on or in it, sorted.
+        flags: per `Flag`, the ids for which it holds.
+        near: ids within reach of the robot.
+        holding: id in the gripper, or None.
+        robot_room: room of the robot, or None if the believed graph does not say.
+        next_to: unordered pairs (a < b) of things put down beside each other on the floor.
+    """
+
+    world: World
+    supports: Mapping[str, Support]
+    contents: Mapping[str, tuple[str, ...]]
+    flags: tuple[frozenset[str], ...] = _NO_FLAGS
+    near: frozenset[str] = frozenset()
+    holding: str | None = None
+    robot_room: str | None = None
+    next_to: frozenset[tuple[str, str]] = frozenset()
+
+    def has(self, flag: Flag, obj: str) -> bool:
+        """Return whether `flag` holds for `obj`."""
+        return obj in self.flags[flag]
+
+    def category(self, obj: str) -> Category:
+        """Return c(obj)."""
+        return self.world.nodes[obj].category
+
+    def holders(self, obj: str) -> Iterator[tuple[Relation, str]]:
+        """Yield (relation, holder) from the direct holder outwards; rooms and the robot are not holders."""
+        support = self.supports.get(obj)
+        while support is not None and support.relation <= Relation.INSIDE:
+            yield support
+            support = self.supports.get(support.holder)
+
+    def closed_container(self, obj: str) -> str | None:
+        """Return the innermost shut container around `obj`, or None if it is accessible."""
+        support = self.supports.get(obj)
+        while support is not None and support.relation <= Relation.INSIDE:
+            relation, holder = support
+            if relation == Relation.INSIDE and self.is_shut(holder):
+                return holder
+            support = self.supports.get(holder)
+        return None
+
+    def is_shut(self, obj: str) -> bool:
+        """Return whether `obj` has a door that is not open."""
+        return self.world.nodes[obj].category.openable and obj not in self.flags[Flag.OPEN]
+
+    def room_of(self, obj: str) -> str | None:
+        """Return the room of `obj` through its supports, or None if unknown."""
+        support = self.supports.get(obj)
+        while support is not None:
+            relation, holder = support
+            if relation == Relation.FLOOR:
+                return holder
+            if relation == Relation.HELD:
+                return self.robot_room
+            support = self.supports.get(holder)
+        return None
+
+    def descendants(self, obj: str) -> list[str]:
+        """Return the movables on or in `obj`, and on or in those, depth first."""
+        found: list[str] = []
+        stack = list(self.contents.get(obj, ()))
+        nodes = self.world.nodes
+        while stack:
+            item = stack.pop()
+            if nodes[item].fixed:
+                continue
+            found.append(item)
+            if item in self.contents:
+                stack.extend(self.contents[item])
+        return found
+
+    def contains(self, outer: str, inner: str) -> bool:
+        """Return whether `inner` is on or in `outer`, at any depth."""
+        return any(holder == outer for _, holder in self.holders(inner))
+
+    def beside(self, a: str, b: str) -> bool:
+        """Return next_to(a, b): put down beside each other, or on or in the same piece."""
+        if a == b:
+            return False
+        if ((a, b) if a < b else (b, a)) in self.next_to:
+            return True
+        support = self.supports.get(a)
+        return support is not None and support.relation <= Relation.INSIDE and support == self.supports.get(b)
+
+    def beneath(self, a: str, b: str) -> bool:
+        """Return under(a, b): on the floor beside a piece that has room beneath it."""
+        support = self.supports.get(a)
+        if support is None or support.relation != Relation.FLOOR:
+            return False
+        return self.world.nodes[b].category.clearance and self.beside(a, b)
+
+    def place(self, obj: str, support: Support | None) -> SceneGraph:
+        """Return the graph with `obj` (and all on or in it) moved to `support`; None = location unknown."""
+        supports = dict(self.supports)
+        contents = dict(self.contents)
+        old = supports.pop(obj, None)
+        if old is not None and old.relation <= Relation.INSIDE:
+            rest = tuple(o for o in contents[old.holder] if o != obj)
+            if rest:
+                contents[old.holder] = rest
+            else:
+                del contents[old.holder]
+        if support is not None:
+            supports[obj] = support
+            if support.relation <= Relation.INSIDE:
+                contents[support.holder] = tuple(sorted((*contents.get(support.holder, ()), obj)))
+        return msgspec.structs.replace(self, supports=supports, contents=contents)
+
+    def with_flag(self, flag: Flag, objects: frozenset[str], *, value: bool = True) -> SceneGraph:
+        """Return the graph with `flag` set (or cleared) for `objects`."""
+        flags = list(self.flags)
+        flags[flag] = flags[flag] | objects if value else flags[flag] - objects
+        return msgspec.structs.replace(self, flags=tuple(flags))
+
+    def with_nodes(self, nodes: Mapping[str, Node]) -> SceneGraph:
+        """Return the graph with more objects known; their locations are unknown until placed."""
+        world = World.of(self.world.rooms, self.world.connections, {**self.world.nodes, **nodes})
+        return msgspec.structs.replace(self, world=world)
+
+    def edges(self) -> Iterator[tuple[str, str, str]]:
+        """Yield every relation of E as (relation, a, b), in a fixed order."""
+        for a, b in sorted(self.world.connections):
+            yield "room_connect", a, b
+        for obj in sorted(self.world.nodes):
+            support = self.supports.get(obj)
+            if support is not None:
+                if support.relation != Relation.FLOOR:
+                    yield _EDGE_NAMES[support.relation], *_edge_ends(obj, support)
+                if (room := self.room_of(obj)) is not None:
+                    yield "room_inside", obj, room
+        for a, b in sorted(self.next_to):
+            yield "next_to", a, b
+            for x, y in ((a, b), (b, a)):
+                if self.beneath(x, y):
+                    yield "under", x, y
+        for obj in sorted(self.near):
+            yield "near", ROBOT, obj
+        if self.robot_room is not None:
+            yield "room_inside", ROBOT, self.robot_room
+
+    def to_networkx(self) -> nx.MultiDiGraph[str]:
+        """Return the graph as a networkx multigraph; nodes carry `kind`, `category` and `flags`, edges `relation`."""
+        out: nx.MultiDiGraph[str] = nx.MultiDiGraph()
+        for room in self.world.rooms.values():
+            out.add_node(room.id, kind="room", category=room.type, flags=())
+        for node in self.world.nodes.values():
+            held = tuple(flag.name.lower() for flag in Flag if node.id in self.flags[flag])
+            out.add_node(node.id, kind="object", category=node.category.name, flags=held)
+        out.add_node(ROBOT, kind="robot", category=ROBOT, flags=())
+        for relation, a, b in self.edges():
+            attributes: dict[str, Any] = {"relation": relation}
+            out.add_edge(a, b, key=relation, **attributes)
+        return out
+
+
+_EDGE_NAMES = {
+    Relation.ON_TOP: "on_top",
+    Relation.INSIDE: "object_inside",
+    Relation.HELD: "holding",
+}
+
+
+def _edge_ends(obj: str, support: Support) -> tuple[str, str]:
+    return (ROBOT, obj) if support.relation == Relation.HELD else (obj, support.holder)
