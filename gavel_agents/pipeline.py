@@ -93,7 +93,7 @@ class PlanningAgent:
             self._travel = TravelModel(observed.layout, self._coverage_width_m)
         instruction_id = str(info.get("instruction_id", ""))
         with stage(self.trace, "understand"):
-            understood = self._understanding.understand(observed.instruction, instruction_id)
+            understood = self._understanding.understand(observed.instruction, rooms=observed.graph.world.rooms)
         if understood.asked is not None:  # perhaps of an earlier episode with the same text
             self.trace.seconds["understand"] = understood.asked.seconds
             self.trace.prompt_tokens += understood.asked.prompt_tokens

@@ -57,11 +57,11 @@ _CHUNK = 64
 
 def _answers(understanding: Understanding, samples: Sequence[Sample]) -> Iterator[Decomposition]:
     if not isinstance(understanding, BatchedUnderstanding):
-        yield from (understanding.understand(sample.text, sample.id) for sample in samples)
+        yield from (understanding.understand(sample.text) for sample in samples)
         return
     for start in range(0, len(samples), _CHUNK):
         chunk = samples[start : start + _CHUNK]
-        yield from understanding.understand_all([s.text for s in chunk], [s.id for s in chunk])
+        yield from understanding.understand_all([s.text for s in chunk])
 
 
 def evaluate(

@@ -7,6 +7,8 @@ from gavel_agents.understanding.interface import (
     Abstention,
     BatchedUnderstanding,
     Decomposition,
+    Question,
+    Rooms,
     TaskUnderstanding,
     Understanding,
 )
@@ -21,7 +23,9 @@ __all__ = [
     "BatchedUnderstanding",
     "Decomposition",
     "ModelUnderstanding",
+    "Question",
     "ReferenceUnderstanding",
+    "Rooms",
     "RulesUnderstanding",
     "TaskUnderstanding",
     "Understanding",

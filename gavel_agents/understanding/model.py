@@ -6,14 +6,14 @@ is read with distrust all the same (`gavel_agents.understanding.answer`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
 from gavel_agents.llm import ChatModel, Completion, Message, Prompt
 from gavel_agents.understanding.answer import answer_schema, read_answer
 from gavel_agents.understanding.chat import chat_prompt
-from gavel_agents.understanding.interface import Abstention, Decomposition
+from gavel_agents.understanding.interface import Abstention, Decomposition, Rooms
 from gavel_agents.understanding.mentions import Mentions
 
 __all__ = ["ModelUnderstanding", "adapter_prompt"]
@@ -43,25 +43,27 @@ class ModelUnderstanding:
         self._trained = trained
         self._known: dict[str, Decomposition] = {}
 
-    def understand(self, text: str, instruction_id: str = "") -> Decomposition:
-        """Return the tasks of a text, or the typed reason of an abstention."""
-        return self.understand_all([text], [instruction_id])[0]
+    def understand(
+        self, text: str, *, rooms: Rooms | None = None, answers: Mapping[str, str] | None = None
+    ) -> Decomposition:
+        """Return the tasks of a text, or the typed reason of an abstention; it asks nothing back."""
+        return self.understand_all([text])[0]
 
-    def understand_all(self, texts: Sequence[str], ids: Sequence[str]) -> list[Decomposition]:
+    def understand_all(self, texts: Sequence[str], *, rooms: Sequence[Rooms | None] = ()) -> list[Decomposition]:
         """Return the tasks of several texts, which the model may answer in batches; each text is asked once."""
         prompts: dict[str, Prompt] = {}
-        for text, instruction_id in zip(texts, ids, strict=True):
+        for text in texts:
             if text in self._known or text in prompts:
                 continue
             try:
-                prompts[text] = self._prompt(text, instruction_id)
+                prompts[text] = self._prompt(text)
             except Abstention as why:
-                self._known[text] = Decomposition((), str(why))
+                self._known[text] = Decomposition.refusal(why)
         for text, completion in zip(prompts, self._ask(list(prompts.values())), strict=True):
             self._known[text] = _read(completion, text)
         return [self._known[text] for text in texts]
 
-    def _prompt(self, text: str, instruction_id: str) -> Prompt:
+    def _prompt(self, text: str) -> Prompt:
         """Return what is asked about a text.
 
         Raises:
@@ -77,8 +79,8 @@ class ModelUnderstanding:
         if self._trained:
             categories = {category: (category,) for category in mentions.categories}
             schema = answer_schema(categories, mentions.rooms, brief=True)
-            return Prompt(adapter_prompt(text), instruction_id, schema=schema)
-        return Prompt(chat_prompt(text), instruction_id, schema=answer_schema(mentions.phrases, mentions.room_phrases))
+            return Prompt(adapter_prompt(text), schema=schema)
+        return Prompt(chat_prompt(text), schema=answer_schema(mentions.phrases, mentions.room_phrases))
 
     def _ask(self, prompts: Sequence[Prompt]) -> Sequence[Completion]:
         return self._model.complete(prompts) if prompts else ()
@@ -88,5 +90,5 @@ def _read(completion: Completion, text: str) -> Decomposition:
     try:
         understood = read_answer(completion.text, text)
     except Abstention as why:
-        understood = Decomposition((), str(why))
+        understood = Decomposition.refusal(why)
     return msgspec.structs.replace(understood, asked=completion)

@@ -50,7 +50,7 @@ def world() -> Any:
 
 def understood(name: str) -> TaskUnderstanding:
     record = activities()[f"behavior-{name}"]
-    [task] = ReferenceUnderstanding([record]).understand(record.text, record.id).tasks
+    [task] = ReferenceUnderstanding([record]).understand(record.text).tasks
     return task
 
 

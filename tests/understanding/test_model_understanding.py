@@ -125,9 +125,7 @@ def test_texts_are_asked_once_and_together() -> None:
     model = Said({sample.text: write_answer(sample.tasks) for sample in samples})
     understanding = ModelUnderstanding("said", model, trained=True)
     texts = [sample.text for sample in samples]
-    together = understanding.understand_all(
-        [*texts, *texts, " ", "a" * 5000, "Hello!"], [s.id for s in samples] * 2 + [""] * 3
-    )
+    together = understanding.understand_all([*texts, *texts, " ", "a" * 5000, "Hello!"])
     assert [prompt.messages[-1].content for prompt in model.asked] == texts
     assert together[:6] == together[6:12] == [understanding.understand(text) for text in texts]
     assert len(model.asked) == 6

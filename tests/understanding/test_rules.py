@@ -304,7 +304,7 @@ class Fixed:
             for goal in goals
         )
 
-    def understand(self, text: str, instruction_id: str = "") -> Decomposition:
+    def understand(self, text: str, **_: object) -> Decomposition:
         return Decomposition(self.tasks)
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import zip_longest
 
 from gavel_agents.understanding.checks import check_possible
-from gavel_agents.understanding.interface import Abstention, Decomposition, TaskUnderstanding
+from gavel_agents.understanding.interface import Abstention, Decomposition, Rooms, TaskUnderstanding
 from gavel_agents.understanding.rules.discourse import Discourse
 from gavel_agents.understanding.rules.frames import frames_of
 from gavel_agents.understanding.rules.lexer import sentences_of
@@ -22,12 +22,14 @@ class RulesUnderstanding:
 
     name = "rules"
 
-    def understand(self, text: str, instruction_id: str = "") -> Decomposition:
+    def understand(
+        self, text: str, *, rooms: Rooms | None = None, answers: Mapping[str, str] | None = None
+    ) -> Decomposition:
         """Return the tasks of an instruction's text, or the typed reason of an abstention."""
         try:
             return Decomposition(_tasks(text))
         except Abstention as why:
-            return Decomposition((), str(why))
+            return Decomposition.refusal(why)
 
 
 def _tasks(text: str) -> tuple[TaskUnderstanding, ...]:
