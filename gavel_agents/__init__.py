@@ -47,7 +47,8 @@ def make(name: str, **options: Any) -> Agent:
         name: one of `agent_names()`, or `gavel` for `gavel-full`.
         options: for the built-in methods: `understanding` (an `Understanding`), `model` (a `ChatModel`), `prior`
             ("choice", "rsn", "uniform" or a `Prior`), `profile` (a rules `Profile`), `on_surprise` ("stop" or "next"),
-            `coverage_width_m` (w_cov of the cost model; default: as measured on the executor).
+            `coverage_width_m` (w_cov of the cost model; default: as measured on the executor), `seed` (of the model's
+            sampling).
             Agents take what they need and must ignore what they don't.
 
     Raises:
@@ -98,6 +99,7 @@ def _planning_agent(name: str, **options: Any) -> Agent:
         ontology=options.get("ontology"),
         on_surprise=options.get("on_surprise", "stop"),
         coverage_width_m=options.get("coverage_width_m", COVERAGE_WIDTH_M),
+        seed=options.get("seed"),
     )
 
 

@@ -19,15 +19,21 @@ class TaskTrace(msgspec.Struct, kw_only=True):
     Attributes:
         text: the task's sentence.
         goal: its goal literals as understood.
-        proposed: the plan of the last proposal, as text actions.
+        objects: what it speaks of, as understood.
+        relations: locations that it states, as understood.
+        proposed: the plan of the proposal, as text actions.
+        proposed_verdict: "valid", or the first thing that is wrong with the proposal before any repair.
         plan: the plan after repair; what is executed.
         edits: what repair did, one line per edit.
-        verdict: "valid", or the first thing that is wrong.
+        verdict: "valid", or the first thing that is wrong with `plan`.
     """
 
     text: str
     goal: tuple[str, ...] = ()
+    objects: tuple[str, ...] = ()
+    relations: tuple[str, ...] = ()
     proposed: tuple[str, ...] = ()
+    proposed_verdict: str = ""
     plan: tuple[str, ...] = ()
     edits: tuple[str, ...] = ()
     verdict: str = ""
@@ -37,18 +43,20 @@ class AgentTrace(msgspec.Struct, kw_only=True):
     """What an agent thought during one episode; goes into the episode's record.
 
     Attributes:
-        tasks: per task, in the order written.
+        tasks: per task, in the order written, as the last attempt left them.
+        earlier: the tasks of every attempt before the last.
         attempts: calls of the planner.
         order: indices of the tasks in the order executed.
         expected_m: J of the first ordering chosen, metres; None if the method does not order.
         seconds: seconds by stage (understand, plan, repair, validate, order); planning time is their sum.
         prompt_tokens, completion_tokens: totals over the attempts.
         prompts: SHA-256 (16 digits) of every prompt.
-        completions: the raw answers.
+        completions: the raw answers. A run moves them to its conversations, where the record's `calls` lead.
         stopped: why the agent ended early, or empty.
     """
 
     tasks: list[TaskTrace] = []
+    earlier: list[list[TaskTrace]] = []
     attempts: int = 0
     order: list[int] = []
     expected_m: float | None = None

@@ -87,7 +87,7 @@ class OracleAgent:
         if self._state is None or self._state.instruction.id != info["instruction_id"]:
             raise RuntimeError("the oracle needs reveal(env) after env.reset(...) and before its own reset(...)")
         state = self._state
-        self.trace = AgentTrace(tasks=[], order=[], seconds={}, prompts=[], completions=[])
+        self.trace = AgentTrace()
         plans = [task.parsed_plan() for task in state.instruction.tasks]
         for task in state.instruction.tasks:
             self.trace.tasks.append(

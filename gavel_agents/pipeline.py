@@ -51,6 +51,7 @@ class PlanningAgent:
         ontology: Ontology | None = None,
         on_surprise: Literal["stop", "next"] = "stop",
         coverage_width_m: float = COVERAGE_WIDTH_M,
+        seed: int | None = None,
     ) -> None:
         """Configure the pipeline.
 
@@ -65,6 +66,7 @@ class PlanningAgent:
             on_surprise: what to do when something is not in the piece where it was said to be: "stop" (the benchmarks'
                 sources are unique), or close that piece and try the "next" one that fits.
             coverage_width_m: w_cov of the cost model (default: as measured on the executor; the paper's is 1.2 m).
+            seed: of the model's sampling, if it samples.
         """
         self.name = name
         self.config = config
@@ -75,6 +77,7 @@ class PlanningAgent:
         self._profile = profile
         self._on_surprise = on_surprise
         self._coverage_width_m = coverage_width_m
+        self._seed = seed
         self._ontology = ontology or default_ontology()
         self._travel: TravelModel | None = None
 
@@ -83,7 +86,7 @@ class PlanningAgent:
     def reset(self, observation: Any, info: dict[str, Any]) -> None:
         """Understand the instruction, believe, plan and order."""
         observed: Observed = info["observed"]
-        self.trace = AgentTrace(tasks=[], order=[], seconds={}, prompts=[], completions=[])
+        self.trace = AgentTrace()
         self._binder = Binder()
         self._running: deque[Action] = deque()
         self._sent: Action | None = None
@@ -129,6 +132,7 @@ class PlanningAgent:
             self._belief.likely(),
             cost,
             self._profile,
+            self._seed,
         )
         if self.config.source == "edits":
             return edited_plans(problem, self.trace)

@@ -1,4 +1,6 @@
-"""Local GGUF models through llama.cpp (`gguf:PATH[?constrained&threads=N&slots=N]`; PyPI package xllamacpp).
+"""Local GGUF models through llama.cpp (`gguf:PATH[?constrained&threads=N&slots=N&temperature=T]`).
+
+The PyPI package is xllamacpp.
 
 Slots run in parallel, and the prefix that prompts share is kept between calls. Decoding is greedy by default.
 """
@@ -13,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from gavel_agents.llm.grammar import json_schema, plan_gbnf
-from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, spec_options
+from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, decoding_of, spec_options
 from gavel_env.errors import DataError
 
 __all__ = ["GgufModel"]
@@ -30,7 +32,8 @@ class GgufModel:
 
         Args:
             path: the GGUF file, and behind it options: `?constrained` holds answers to the grammar of plans;
-                `threads=N` (default: all cores) and `slots=N` (prompts at the same time, default 2) say how it runs.
+                `threads=N` (default: all cores) and `slots=N` (prompts at the same time, default 2) say how it runs;
+                `temperature=T` instead of the argument.
             max_tokens: new tokens at most; a plan of 17 steps takes about 140.
             temperature: 0 = greedy.
             seed: of the sampler, when the temperature is not 0.
@@ -39,7 +42,9 @@ class GgufModel:
             DataError: there is no such file, or it holds no model.
             BadPlannerSpec: an unknown option, or the package xllamacpp is not installed.
         """
-        path, options = spec_options("gguf", path, numbers=("threads", "slots"), flags=("constrained",))
+        path, options = spec_options(
+            "gguf", path, numbers=("threads", "slots"), decimals=("temperature",), flags=("constrained",)
+        )
         constrained = "constrained" in options
         self._slots = int(options.get("slots", _SLOTS))
         if not Path(path).is_file():
@@ -51,7 +56,7 @@ class GgufModel:
         self.name = Path(path).stem
         self.decoding: Mapping[str, str | float | int] = {
             "max_tokens": max_tokens,
-            "temperature": temperature,
+            "temperature": float(options.get("temperature", temperature)),
             "seed": seed,
             **({"constrained": 1} if constrained else {}),
         }
@@ -78,7 +83,7 @@ class GgufModel:
         request = {
             "messages": [{"role": m.role, "content": m.content} for m in prompt.messages],
             "cache_prompt": True,
-            **{name: value for name, value in self.decoding.items() if name != "constrained"},
+            **{name: value for name, value in decoding_of(self.decoding, prompt).items() if name != "constrained"},
             **(self._grammar if prompt.schema is None else json_schema(prompt.schema)),
         }
         answer = self._server.handle_chat_completions(request)

@@ -1,7 +1,8 @@
-"""Models of the transformers library (`hf:NAME_OR_PATH[?adapter=PATH&quantize=4bit&batch=8]`).
+"""Models of the transformers library (`hf:NAME_OR_PATH[?adapter=PATH&quantize=4bit&batch=8&temperature=0.7]`).
 
 The model's own chat template, with thinking switched off where the template knows it and stripped where it does not;
-greedy decoding; prompts in batches of similar length; bfloat16 on CUDA, float32 elsewhere.
+greedy decoding, or sampling by each prompt's own seed; prompts in batches of similar length; bfloat16 on CUDA, float32
+elsewhere.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from gavel_agents.llm.constrained_decoding import Holder
-from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, spec_options
+from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, decoding_of, spec_options
 from gavel_agents.llm.local import load_local
+from gavel_agents.llm.sampling import Sampler
 from gavel_agents.llm.service import ModelError
 
 __all__ = ["HfModel", "without_thinking"]
@@ -41,7 +43,11 @@ class HfModel:
             ModelError: there is no such model or adapter.
         """
         source, options = spec_options(
-            "hf", argument, numbers=("batch", "max_tokens"), words={"adapter": (), "quantize": ("4bit",)}
+            "hf",
+            argument,
+            numbers=("batch", "max_tokens"),
+            decimals=("temperature",),
+            words={"adapter": (), "quantize": ("4bit",)},
         )
         try:
             import torch
@@ -72,7 +78,7 @@ class HfModel:
         self.name = Path(source).name + (f"+{Path(options['adapter']).name}" if "adapter" in options else "")
         self.decoding: Mapping[str, str | float | int] = {
             "max_tokens": self._max_tokens,
-            "temperature": 0.0,
+            "temperature": float(options.get("temperature", 0.0)),
             "weights": options.get("quantize", str(loading["dtype"]).removeprefix("torch.")),
         }
 
@@ -98,8 +104,8 @@ class HfModel:
         done: dict[int, Completion] = {}
         for start in range(0, len(order), self._batch):
             chosen = order[start : start + self._batch]
-            schemas = [prompts[i].schema for i in chosen]
-            for index, completion in zip(chosen, self._generate([texts[i] for i in chosen], schemas), strict=True):
+            batch = self._generate([texts[i] for i in chosen], [prompts[i] for i in chosen])
+            for index, completion in zip(chosen, batch, strict=True):
                 done[index] = completion
         return [done[i] for i in range(len(texts))]
 
@@ -112,10 +118,15 @@ class HfModel:
             )
         )
 
-    def _generate(self, texts: Sequence[str], schemas: Sequence[Mapping[str, Any] | None]) -> list[Completion]:
-        """Continue texts of similar length in one batch, each held to its schema if it has one."""
+    def _generate(self, texts: Sequence[str], prompts: Sequence[Prompt]) -> list[Completion]:
+        """Continue texts of similar length in one batch, each held to its schema and sampled as its prompt says."""
         start = time.perf_counter()
-        held = {"logits_processor": [self._holder.processor(schemas)]} if any(schemas) else {}
+        schemas = [prompt.schema for prompt in prompts]
+        processors: list[Any] = [self._holder.processor(schemas)] if any(schemas) else []
+        decodings = [decoding_of(self.decoding, prompt) for prompt in prompts]
+        if any(decoding["temperature"] for decoding in decodings):
+            processors.append(Sampler(decodings, self._model.device))
+        held = {"logits_processor": processors} if processors else {}
         batch = self._tokenizer(list(texts), return_tensors="pt", padding=True, add_special_tokens=False)
         batch = {name: tensor.to(self._model.device) for name, tensor in batch.items() if name != "token_type_ids"}
         with self._torch.inference_mode():
@@ -131,7 +142,7 @@ class HfModel:
             )
         seconds = (time.perf_counter() - start) / len(texts)
         answers = whole[:, batch["input_ids"].shape[1] :]
-        prompts = batch["attention_mask"].sum(dim=1)
+        told = batch["attention_mask"].sum(dim=1)
         return [
             Completion(
                 without_thinking(self._tokenizer.decode(answer, skip_special_tokens=True)),
@@ -139,7 +150,7 @@ class HfModel:
                 self._length(answer.tolist()),
                 seconds,
             )
-            for answer, count in zip(answers, prompts, strict=True)
+            for answer, count in zip(answers, told, strict=True)
         ]
 
     @cached_property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any, Literal, Protocol
@@ -17,6 +18,7 @@ __all__ = [
     "Completion",
     "Message",
     "Prompt",
+    "decoding_of",
     "load_model",
     "model_kinds",
     "spec_options",
@@ -42,12 +44,16 @@ class Prompt(msgspec.Struct, frozen=True):
         instruction_id: which instruction it is about (scripted models answer by it; never shown to a model).
         attempt: 0 for the first proposal, then 1, 2, ... for retries.
         schema: JSON schema to which backends that can hold the answer; others are told by the turns alone.
+        seed: of the sampling; it matters only where something is sampled. None = the backend's own.
+        temperature: instead of the model's own; backends that take none ignore it.
     """
 
     messages: tuple[Message, ...]
     instruction_id: str = ""
     attempt: int = 0
     schema: Mapping[str, Any] | None = None
+    seed: int | None = None
+    temperature: float | None = None
 
 
 class Completion(msgspec.Struct, frozen=True):
@@ -68,6 +74,24 @@ class ChatModel(Protocol):
     def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         """Return one completion per prompt, in order."""
         ...
+
+
+def decoding_of(decoding: Mapping[str, str | float | int], prompt: Prompt) -> dict[str, str | float | int]:
+    """Return the decoding parameters of one call: a model's, with what the prompt asks for.
+
+    The prompt's seed is among them unless decoding is greedy. With model and conversation they say which call it is:
+    calls that agree in all of these share a completion.
+
+    Args:
+        decoding: of the model.
+        prompt: what it is asked.
+    """
+    found = dict(decoding)
+    if prompt.temperature is not None and "temperature" in found:
+        found["temperature"] = prompt.temperature
+    if prompt.seed is not None and found.get("temperature") != 0:
+        found["seed"] = prompt.seed
+    return found
 
 
 # kind -> (module, class); the module is imported only when the kind is asked for.
@@ -111,6 +135,7 @@ def spec_options(
     argument: str,
     *,
     numbers: Sequence[str] = (),
+    decimals: Sequence[str] = (),
     flags: Sequence[str] = (),
     words: Mapping[str, Sequence[str]] | None = None,
 ) -> tuple[str, dict[str, str]]:
@@ -120,6 +145,7 @@ def spec_options(
         kind: of the planner, for errors.
         argument: what stands behind the kind.
         numbers: options that take a whole number above 0.
+        decimals: options that take a number of 0 or more, such as a temperature.
         flags: options without a value.
         words: other options -> the values that they take, or none for any.
 
@@ -130,11 +156,13 @@ def spec_options(
     options = dict(parse_qsl(query, keep_blank_values=True))
     words = words or {}
     for name, value in options.items():
-        if name not in (*numbers, *flags, *words):
-            known = ", ".join((*numbers, *flags, *words))
+        if name not in (*numbers, *decimals, *flags, *words):
+            known = ", ".join((*numbers, *decimals, *flags, *words))
             raise BadPlannerSpec(f"unknown option {name!r} in {kind}:{argument}; known: {known}")
         if name in numbers and not (value.isdecimal() and int(value) > 0):
             raise BadPlannerSpec(f"{kind}:{argument}: {name} is {value!r}, no whole number above 0")
+        if name in decimals and not re.fullmatch(r"\d+(\.\d+)?", value):
+            raise BadPlannerSpec(f"{kind}:{argument}: {name} is {value!r}, not a number of 0 or more")
         if name in flags and value:
             raise BadPlannerSpec(f"{kind}:{argument}: {name} takes no value")
         if name in words and words[name] and value not in words[name]:

@@ -1,4 +1,4 @@
-"""OpenAI-compatible servers (`openai:MODEL[@BASE_URL][?constrained]`): vLLM, llama.cpp, hosted services."""
+"""OpenAI-compatible servers (`openai:MODEL[@URL][?constrained&temperature=T]`): vLLM, llama.cpp, hosted services."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from gavel_agents.llm.grammar import json_schema, plan_schema
-from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, spec_options
+from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, decoding_of, spec_options
 from gavel_agents.llm.service import MalformedAnswer, Retries, complete_all, endpoint_of, key_of, retried
 
 __all__ = ["OpenAIModel"]
@@ -20,7 +20,7 @@ _REASONING = re.compile(r"(o\d|gpt-5)")
 class OpenAIModel:
     """A chat model behind the chat-completions interface.
 
-    The service's own reasoning models take no temperature; of others, decoding is greedy.
+    The service's own reasoning models take no temperature; of others, decoding is greedy unless the spec has one.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class OpenAIModel:
 
         Args:
             argument: `MODEL` or `MODEL@BASE_URL`; the key is that of the environment variable OPENAI_API_KEY. With
-                `?constrained` behind it, answers are held to the JSON schema of plans.
+                `?constrained` behind it, answers are held to the JSON schema of plans; `?temperature=T` samples.
             max_tokens: new tokens at most.
             retries: how often and how patiently requests are made again.
             sleep: replaced in tests.
@@ -43,7 +43,7 @@ class OpenAIModel:
         Raises:
             BadPlannerSpec: no model, no key, or the package openai is not installed.
         """
-        source, options = spec_options("openai", argument, flags=("constrained",))
+        source, options = spec_options("openai", argument, decimals=("temperature",), flags=("constrained",))
         endpoint = endpoint_of(source, "openai")
         key = key_of(_KEY, endpoint, "openai")
         try:
@@ -56,12 +56,13 @@ class OpenAIModel:
         limit = "max_tokens" if endpoint.base_url else "max_completion_tokens"
         decoding: dict[str, str | float | int] = {limit: max_tokens}
         if endpoint.base_url or not _REASONING.match(endpoint.model):
-            decoding["temperature"] = 0.0
+            decoding["temperature"] = float(options.get("temperature", 0.0))
+        elif "temperature" in options:
+            raise BadPlannerSpec(f"openai:{argument}: {endpoint.model} takes no temperature")
         self._format: dict[str, Any] = {}
         if "constrained" in options:
             decoding["constrained"] = 1
             self._format = json_schema(plan_schema())
-        self._sent = {name: value for name, value in decoding.items() if name != "constrained"}
         self.decoding: Mapping[str, str | float | int] = decoding
         self._sdk, self._endpoint, self._sleep = openai, endpoint, sleep
         self._retries = retries or Retries()
@@ -97,7 +98,11 @@ class OpenAIModel:
         start = time.perf_counter()
         messages = [{"role": m.role, "content": m.content} for m in prompt.messages]
         held = self._format if prompt.schema is None else json_schema(prompt.schema)
-        answer = self._create(model=self._endpoint.model, messages=messages, **self._sent, **held)
+        decoding = decoding_of(self.decoding, prompt)
+        decoding.pop("constrained", None)
+        if "temperature" not in decoding:  # such models take no seed either: it tells calls apart, no more
+            decoding.pop("seed", None)
+        answer = self._create(model=self._endpoint.model, messages=messages, **decoding, **held)
         choices = getattr(answer, "choices", None)
         message = getattr(choices[0], "message", None) if isinstance(choices, list) and choices else None
         text = getattr(message, "content", None)

@@ -17,7 +17,7 @@ from typing import Any
 
 import msgspec
 
-from gavel_agents.llm.interface import ChatModel, Completion, Message, Prompt
+from gavel_agents.llm.interface import ChatModel, Completion, Message, Prompt, decoding_of
 from gavel_env.errors import DataError, GavelError
 
 __all__ = ["NotRecorded", "Recorded", "RecordingModel", "ReplayModel", "completion_key", "read_recording"]
@@ -37,7 +37,7 @@ class Recorded(msgspec.Struct, frozen=True):
     Attributes:
         key: `completion_key` of what follows.
         model: name of the model.
-        decoding: its decoding parameters.
+        decoding: its decoding parameters; what a prompt asked for instead (seed, temperature) is in the key alone.
         instruction_id: which instruction the prompt was about.
         attempt: 0 for a first proposal.
         text: the raw answer.
@@ -133,7 +133,7 @@ class ReplayModel:
         return [self._answer(p) for p in prompts]
 
     def _answer(self, prompt: Prompt) -> Completion:
-        key = completion_key(self.name, self.decoding, prompt.messages, prompt.schema)
+        key = completion_key(self.name, decoding_of(self.decoding, prompt), prompt.messages, prompt.schema)
         recorded = self._completions.get(key)
         if recorded is None:
             raise NotRecorded(
@@ -159,7 +159,7 @@ class RecordingModel:
 
     def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         """Return one completion per prompt; new ones are on disk before this returns."""
-        keys = [completion_key(self.name, self.decoding, p.messages, p.schema) for p in prompts]
+        keys = [completion_key(self.name, decoding_of(self.decoding, p), p.messages, p.schema) for p in prompts]
         missing = {key: prompt for key, prompt in zip(keys, prompts, strict=True) if key not in self._known}
         answers = self._model.complete(list(missing.values())) if missing else []
         for (key, prompt), answer in zip(missing.items(), answers, strict=True):

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cached_property
 from itertools import chain
 from urllib.parse import parse_qsl
 
@@ -97,7 +96,10 @@ PROFILES: Mapping[str, Profile] = {
 
 
 class SimulatedModel:
-    """Answers with reference plans, broken by a profile; the same spec gives the same answers everywhere."""
+    """Answers with reference plans, broken by a profile; the same spec and seed give the same answers everywhere.
+
+    The seed is the spec's plus the prompt's, so that runs over several seeds vary as a model's sampling would.
+    """
 
     def __init__(self, argument: str, instructions: Iterable[Instruction] | None = None) -> None:
         """Choose a profile.
@@ -120,7 +122,8 @@ class SimulatedModel:
         self.name = f"simulated {name} (no model)"
         self.decoding: Mapping[str, str | float | int] = {"seed": int(seed)}
         self.profile = PROFILES[name]
-        self._seed = f"{name}/{seed}"
+        self._name, self._base = name, int(seed)
+        self._first: dict[int, dict[tuple[str, int], float]] = {}
         if instructions is None:
             instructions = chain.from_iterable(read_instructions(shipped(file)).values() for file in _FILES)
         self._instructions = {instruction.id: instruction for instruction in instructions}
@@ -139,41 +142,44 @@ class SimulatedModel:
             raise UnknownInstruction(prompt.instruction_id, self._instructions, "what the simulated planner knows")
         graph = instruction_graph(load_scene(instruction.scene), instruction)
         plans = []
+        seed = self._base + (prompt.seed or 0)
         for index, task in enumerate(instruction.tasks):
             plan = task.parsed_plan()
-            if not self._is_right(instruction, index, prompt.attempt):
-                rng = self._rng(instruction.id, index, prompt.attempt, "defects")
+            if not self._is_right(instruction, index, prompt.attempt, seed):
+                rng = self._rng(seed, instruction.id, index, prompt.attempt, "defects")
                 plan = broken(graph, plan, task.parsed_goal(), rng, self.profile.more_defects)
             plans.append(plan)
         return written(instruction, plans)
 
-    def _is_right(self, instruction: Instruction, task: int, attempt: int) -> bool:
+    def _is_right(self, instruction: Instruction, task: int, attempt: int, seed: int) -> bool:
         """Return whether the plan of an attempt is right; once right, it stays so."""
         shape = _shape(instruction, task)
         good = self.profile.good
         first = good[shape] * self.profile.scale if shape in good else self.profile.short
-        if self._first_draws[instruction.id, task] < first:
+        if self._first_draws(seed)[instruction.id, task] < first:
             return True
         retries = range(1, attempt + 1)
-        return any(self._rng(instruction.id, task, n).random() < self.profile.corrected for n in retries)
+        return any(self._rng(seed, instruction.id, task, n).random() < self.profile.corrected for n in retries)
 
-    @cached_property
-    def _first_draws(self) -> dict[tuple[str, int], float]:
-        """A number in [0, 1) for every task: evenly spread over the tasks of a shape, so that shares are kept."""
+    def _first_draws(self, seed: int) -> dict[tuple[str, int], float]:
+        """Return a number in [0, 1) for every task: evenly spread over those of a shape, so that shares are kept."""
+        if seed in self._first:
+            return self._first[seed]
         alike: dict[tuple[str, str], list[tuple[str, int]]] = {}
         for instruction in self._instructions.values():
             for task in range(len(instruction.tasks)):
                 alike.setdefault((instruction.kind, _shape(instruction, task)), []).append((instruction.id, task))
         draws: dict[tuple[str, int], float] = {}
         for what, tasks in sorted(alike.items()):
-            rng = self._rng(*what)
+            rng = self._rng(seed, *what)
             offset, order = rng.random(), rng.permutation(len(tasks))
             for rank, place in enumerate(order):
                 draws[tasks[int(place)]] = (rank + offset) / len(tasks)
+        self._first[seed] = draws
         return draws
 
-    def _rng(self, *what: object) -> np.random.Generator:
-        digest = hashlib.sha256("/".join(map(str, (self._seed, *what))).encode()).digest()
+    def _rng(self, seed: int, *what: object) -> np.random.Generator:
+        digest = hashlib.sha256("/".join(map(str, (self._name, seed, *what))).encode()).digest()
         return np.random.default_rng(int.from_bytes(digest[:8], "big"))
 
 

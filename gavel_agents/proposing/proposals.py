@@ -44,6 +44,7 @@ class Problem:
         likely: node -> its rooms by decreasing belief.
         cost: believed metres of a plan.
         profile: rules profile.
+        seed: of a model's sampling.
     """
 
     instruction_id: str
@@ -53,6 +54,7 @@ class Problem:
     likely: Mapping[str, Sequence[str]]
     cost: CostFunction
     profile: Profile
+    seed: int | None = None
 
 
 def proposed_plans(problem: Problem, config: MethodConfig, model: ChatModel, trace: AgentTrace) -> Planned:
@@ -61,7 +63,7 @@ def proposed_plans(problem: Problem, config: MethodConfig, model: ChatModel, tra
     prompt = first
     planned = Planned()
     for attempt in range(config.attempts):
-        answer = _ask(model, Prompt(prompt, problem.instruction_id, attempt), trace)
+        answer = _ask(model, Prompt(prompt, problem.instruction_id, attempt, seed=problem.seed), trace)
         parsed = parse_plans(answer, problem.graph, len(problem.tasks))
         planned = _judge(problem, parsed.plans, trace, repairing=config.repair)
         if all(verdict.valid for verdict in planned.verdicts) or not config.feedback:
@@ -92,13 +94,15 @@ def _edit_goal(goal: Goal) -> Goal:
 def _judge(problem: Problem, plans: Sequence[Plan], trace: AgentTrace, *, repairing: bool) -> Planned:
     """Repair (if the method does) and validate one plan per task; a task without a plan has the empty one."""
     planned = Planned()
+    if trace.tasks:
+        trace.earlier.append(trace.tasks)
     trace.tasks = []
     for task, proposed in zip(problem.tasks, plans, strict=True):
         edits: tuple[str, ...] = ()
         if repairing:
             with stage(trace, "repair"):
                 repaired = repair(problem.graph, proposed, task.goal, cost=problem.cost, profile=problem.profile)
-            plan, verdict, edits = repaired.plan, repaired.verdict, repaired.trace
+            plan, verdict, edits, before = repaired.plan, repaired.verdict, repaired.trace, repaired.before
             if task.goal.conditions and not verdict.valid and verdict.rank[:3] <= repaired.before.rank[:3]:
                 # Shorter is no better where part of the goal is beyond the edit rules: what they take for needless may
                 # be for that part.
@@ -106,14 +110,17 @@ def _judge(problem: Problem, plans: Sequence[Plan], trace: AgentTrace, *, repair
         else:
             plan = proposed
             with stage(trace, "validate"):
-                verdict = validate(problem.graph, plan, task.goal, cost=problem.cost, profile=problem.profile)
+                before = verdict = validate(problem.graph, plan, task.goal, cost=problem.cost, profile=problem.profile)
         planned.plans.append(plan)
         planned.verdicts.append(verdict)
         trace.tasks.append(
             TaskTrace(
                 text=task.text,
                 goal=task.goal.text(),
+                objects=tuple(str(designator) for designator in task.objects),
+                relations=tuple(str(relation) for relation in task.relations),
                 proposed=tuple(str(action) for action in proposed),
+                proposed_verdict=_summary(before),
                 plan=tuple(str(action) for action in plan),
                 edits=edits,
                 verdict=_summary(verdict),

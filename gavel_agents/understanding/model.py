@@ -79,8 +79,9 @@ class ModelUnderstanding:
         if self._trained:
             categories = {category: (category,) for category in mentions.categories}
             schema = answer_schema(categories, mentions.rooms, brief=True)
-            return Prompt(adapter_prompt(text), schema=schema)
-        return Prompt(chat_prompt(text), schema=answer_schema(mentions.phrases, mentions.room_phrases))
+            return Prompt(adapter_prompt(text), schema=schema, temperature=0.0)
+        schema = answer_schema(mentions.phrases, mentions.room_phrases)
+        return Prompt(chat_prompt(text), schema=schema, temperature=0.0)
 
     def _ask(self, prompts: Sequence[Prompt]) -> Sequence[Completion]:
         return self._model.complete(prompts) if prompts else ()

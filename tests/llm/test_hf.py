@@ -19,6 +19,7 @@ import transformers
 
 from gavel_agents.llm import BadPlannerSpec, Message, Prompt, load_model
 from gavel_agents.llm.hf import HfModel, without_thinking
+from gavel_agents.llm.sampling import Sampler
 from gavel_agents.llm.service import ModelError
 
 # The libraries warn about each other's deprecations.
@@ -55,6 +56,25 @@ def test_a_batch_answers_as_one_prompt_at_a_time(model: HfModel) -> None:
 
 def test_greedy_answers_repeat(model: HfModel) -> None:
     assert model.complete(prompts("the apple"))[0].text == model.complete(prompts("the apple"))[0].text
+
+
+def test_samples_follow_their_own_seed_alone(folder: Path) -> None:
+    model = load_model(f"hf:{folder}?batch=3&max_tokens=12&temperature=1.5")
+    asked = [Prompt(p.messages, seed=i % 4) for i, p in enumerate(prompts(*["the apple"] * 8))]
+    together = [c.text for c in model.complete(asked)]
+    alone = [model.complete([prompt])[0].text for prompt in reversed(asked)]
+    assert together == alone[::-1]
+    assert together[:4] == together[4:]
+    assert len(set(together)) > 1
+
+
+def test_samples_are_distributed_as_the_model_says() -> None:
+    logits = torch.log(torch.tensor([[0.5, 0.3, 0.2, 0.0]])).repeat(4000, 1)
+    sampler = Sampler([{"temperature": 1.0, "seed": seed} for seed in range(4000)], "cpu")
+    shares = torch.bincount(sampler(None, logits).argmax(dim=1), minlength=4) / 4000
+    assert torch.allclose(shares, torch.tensor([0.5, 0.3, 0.2, 0.0]), atol=0.04)
+    greedy = Sampler([{"temperature": 0.0}], "cpu")
+    assert torch.equal(greedy(None, logits[:1]), logits[:1])
 
 
 def test_own_template_with_thinking_switched_off(model: HfModel) -> None:
@@ -103,7 +123,7 @@ def test_what_cannot_be_loaded_is_said(folder: Path, tmp_path: Path) -> None:
         load_model(f"hf:{tmp_path / 'nothing-here'}")
     with pytest.raises(ModelError, match="cannot be loaded"):
         load_model(f"hf:{folder}?adapter={tmp_path / 'nothing-here'}")
-    with pytest.raises(BadPlannerSpec, match="known: batch, max_tokens, adapter, quantize"):
+    with pytest.raises(BadPlannerSpec, match="known: batch, max_tokens, temperature, adapter, quantize"):
         load_model(f"hf:{folder}?speed=high")
     with pytest.raises(BadPlannerSpec, match="batch is 'many'"):
         load_model(f"hf:{folder}?batch=many")
