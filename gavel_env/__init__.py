@@ -112,3 +112,4 @@ register(
     max_episode_steps=500,
     kwargs={"instructions": "behavior", "max_nodes": 4096},
 )
+register(id="Gavel-RL-v0", entry_point="gavel_env.envs.rl:make_rl")

@@ -1,0 +1,180 @@
+"""What the K slots of a learner stand for: what the goal speaks of, then what else was observed.
+
+A slot keeps what it stands for, so that a policy can rely on it. The first slots are the goal's designators in the order
+written; each is bound to the instance that the robot came to, or else to the nearest that was seen when the first was.
+The others hold observed instances by use: appliances that confer what the goal asks for, containers that may hide
+something, then whatever else was seen. A container that was looked into and shut again makes room for the next one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from gavel_env.actions import Action, Primitive
+from gavel_env.dynamics import Profile, first_violation
+from gavel_env.goals import Designator, Goal, Predicate, fitting
+from gavel_env.graph import Flag, SceneGraph
+from gavel_env.observed import Observed
+from gavel_env.ontology import Category
+
+__all__ = ["GoalSlots", "Slot", "goal_designators"]
+
+
+class Slot(NamedTuple):
+    """What a slot stands for.
+
+    Attributes:
+        designator: what the goal calls it; None in the other slots.
+        instance: observed id, or None while nothing is known that fits.
+    """
+
+    designator: Designator | None = None
+    instance: str | None = None
+
+
+def goal_designators(goal: Goal) -> tuple[Designator, ...]:
+    """Return the things that a goal's literals speak of, each once, in the order written; rooms are no things."""
+    found: dict[Designator, None] = {}
+    for literal in goal.literals:
+        found.setdefault(literal.subject)
+        if literal.object is not None and literal.predicate is not Predicate.IN_ROOM:
+            found.setdefault(literal.object)
+    return tuple(found)
+
+
+class GoalSlots:
+    """The slots of one episode.
+
+    Args:
+        goal: what is asked for; its designators must not be more than `size`.
+        size: K.
+        room_types: type of every room id, for designators with a room.
+
+    Attributes:
+        slots: K of them.
+        opened: containers that the robot has seen open.
+        unreachable: instances to which no route was found; they are not offered again.
+    """
+
+    def __init__(self, goal: Goal, size: int, room_types: Mapping[str, str]) -> None:
+        named = goal_designators(goal)
+        self.slots: list[Slot] = [Slot(designator) for designator in named] + [Slot()] * (size - len(named))
+        self.opened: set[str] = set()
+        self.unreachable: set[str] = set()
+        self._named = len(named)
+        self._room_types = room_types
+        flags = {lit.predicate.flag for lit in goal.literals if not lit.negated or lit.predicate is Predicate.DIRTY}
+        self._wanted = frozenset(flag for flag in flags if flag is not None)
+        self._waiting: tuple[list[str], list[str], list[str]] = ([], [], [])  # appliances, containers, the rest
+        self._filed = 0
+
+    def __iter__(self) -> Iterator[Slot]:
+        return iter(self.slots)
+
+    def update(self, observed: Observed) -> None:
+        """Bind what has come into view, and give the free slots to what waits for one."""
+        graph = observed.graph
+        self.opened.update(obj for obj in graph.flags[Flag.OPEN] if graph.category(obj).has_door)
+        if len(graph.world.nodes) > self._filed or self.unreachable:
+            self._bind(observed)
+            fresh = list(graph.world.nodes)[self._filed :]
+            self._filed = len(graph.world.nodes)
+            for obj in fresh:
+                self._waiting[self._use(graph.category(obj))].append(obj)
+        self._fill(graph)
+
+    def _bind(self, observed: Observed) -> None:
+        """Bind the goal's designators for which something is known now."""
+        graph = observed.graph
+        taken = {slot.instance for slot in self.slots[: self._named]}
+        here = observed.layout.point(observed.cell)
+        for index, (designator, instance) in enumerate(self.slots[: self._named]):
+            assert designator is not None
+            if instance is not None and instance not in self.unreachable:
+                continue
+            found = [o for o in fitting(graph, designator) if o not in self.unreachable]
+            if not found:
+                self.slots[index] = Slot(designator)
+                continue
+            nearest = min(
+                found, key=lambda o: (o in taken, o != observed.reached, _away(observed.positions[o], here))
+            )
+            self.slots[index] = Slot(designator, nearest)
+            taken.add(nearest)
+            for other in range(self._named, len(self.slots)):
+                if self.slots[other].instance == nearest:
+                    self.slots[other] = Slot()
+
+    def _use(self, category: Category) -> int:
+        gives = (
+            ((Flag.COOKED, Flag.HOT), category.heat is not None),
+            ((Flag.FROZEN,), category.cold is not None),
+            ((Flag.WASHED,), category.washes),
+            ((Flag.DRIED,), category.dries),
+            ((Flag.DIRTY,), category.washes or category.rinses or category.wipes),
+        )
+        if any(able and self._wanted.intersection(flags) for flags, able in gives):
+            return 0
+        return 1 if category.has_door else 2
+
+    def _fill(self, graph: SceneGraph) -> None:
+        pressing, containers, rest = self._waiting
+        bound = {slot.instance for slot in self.slots}
+        for index in range(self._named, len(self.slots)):
+            instance = self.slots[index].instance
+            if instance is not None:
+                if not (pressing or containers) or not self._gives_way(graph, instance):
+                    continue
+            queue = pressing or containers or ([] if instance is not None else rest)
+            while queue and queue[0] in bound:
+                queue.pop(0)
+            if queue:
+                self.slots[index] = Slot(None, queue.pop(0))
+
+    def _gives_way(self, graph: SceneGraph, instance: str) -> bool:
+        """Tell whether an instance is of less use than a container that waits for a slot."""
+        if instance in graph.near or instance == graph.holding:
+            return False
+        use = self._use(graph.category(instance))
+        if use != 1:
+            return use == 2
+        goal = {slot.instance for slot in self.slots[: self._named]}
+        return instance in self.opened and graph.is_shut(instance) and goal.isdisjoint(graph.descendants(instance))
+
+    # --- what can be done with them --------------------------------------------------------------------------------
+
+    def allowed(self, observed: Observed, profile: Profile) -> Iterator[tuple[Primitive, int]]:
+        """Yield the (primitive, slot) pairs that the world model accepts in the observed graph.
+
+        To go to what is not known yet is accepted while a room that fits has not been searched. `RELEASE` has no
+        target; it is slot 0's.
+        """
+        graph = observed.graph
+        if graph.holding is not None:
+            yield Primitive.RELEASE, 0
+        for index, (designator, instance) in enumerate(self.slots):
+            if instance is None:
+                if designator is not None and self._can_be_searched_for(designator, observed):
+                    yield Primitive.NAVIGATE_TO, index
+                continue
+            near = instance in graph.near or instance == graph.holding
+            for primitive in _TARGETED if near else _GOING:
+                if primitive is Primitive.NAVIGATE_TO and instance in self.unreachable:
+                    continue
+                if first_violation(graph, Action(primitive, instance), profile) is None:
+                    yield primitive, index
+
+    def _can_be_searched_for(self, designator: Designator, observed: Observed) -> bool:
+        room = designator.room
+        return any(
+            r not in observed.searched and room in (None, r, kind) for r, kind in self._room_types.items()
+        )
+
+
+_TARGETED = tuple(p for p in Primitive if p.takes_target)
+_GOING = (Primitive.NAVIGATE_TO,)
+
+
+def _away(a: tuple[float, float], b: tuple[float, float]) -> float:
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2
