@@ -14,7 +14,7 @@ from pathlib import Path
 
 import msgspec
 
-from gavel_env.instructions import Instruction
+from gavel_env.instructions.record import Instruction
 from gavel_env.tasks.generator import Knobs, generate
 
 __all__ = ["KNOBS", "build", "main"]

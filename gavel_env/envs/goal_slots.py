@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from gavel_env.actions import Action, Primitive
-from gavel_env.dynamics import Profile, first_violation
-from gavel_env.goals import Designator, Goal, Predicate, fitting
-from gavel_env.graph import Flag, SceneGraph
-from gavel_env.observed import Observed
-from gavel_env.ontology import Category
+from gavel_env.world_model.actions import Action, Primitive
+from gavel_env.world_model.dynamics import Profile, first_violation
+from gavel_env.world_model.goals import Designator, Goal, Predicate, fitting
+from gavel_env.world_model.graph import Flag, SceneGraph
+from gavel_env.exchange import Observed
+from gavel_env.world_model.ontology import Category
 
 __all__ = ["GoalSlots", "Slot", "goal_designators"]
 

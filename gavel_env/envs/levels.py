@@ -8,7 +8,7 @@ from typing import Literal
 import msgspec
 
 from gavel_env.errors import GavelError, nearest_names
-from gavel_env.instructions import Instruction, read_instructions, shipped
+from gavel_env.instructions.record import Instruction, read_instructions, shipped
 
 __all__ = ["LEVELS", "Level", "LevelSplit", "UnknownLevel", "level_instructions"]
 

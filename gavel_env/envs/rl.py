@@ -11,15 +11,15 @@ from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from gavel_env.actions import Primitive
-from gavel_env.dynamics import unsafe
-from gavel_env.env import BadEnvironmentOption, GavelEnv
+from gavel_env.world_model.actions import Primitive
+from gavel_env.world_model.dynamics import unsafe
+from gavel_env.envs.env import BadEnvironmentOption, GavelEnv
 from gavel_env.envs.goal_slots import GoalSlots, goal_designators
 from gavel_env.envs.levels import LevelSplit, find_level, level_instructions
 from gavel_env.envs.slot_features import SlotFeatures, feature_space
-from gavel_env.goals import Goal, Literal, Predicate, unmet
-from gavel_env.graph import Flag, SceneGraph
-from gavel_env.observed import EnvAction, Observed
+from gavel_env.world_model.goals import Goal, Literal, Predicate, unmet
+from gavel_env.world_model.graph import Flag, SceneGraph
+from gavel_env.exchange import EnvAction, Observed
 
 __all__ = ["SlotEnv", "make_rl"]
 

@@ -9,10 +9,10 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from gavel_env.envs.goal_slots import GoalSlots
-from gavel_env.goals import Goal, Literal, Predicate
-from gavel_env.graph import Flag, Relation, SceneGraph
-from gavel_env.observed import Observed
-from gavel_env.ontology import Category
+from gavel_env.world_model.goals import Goal, Literal, Predicate
+from gavel_env.world_model.graph import Flag, Relation, SceneGraph
+from gavel_env.exchange import Observed
+from gavel_env.world_model.ontology import Category
 
 __all__ = ["LITERAL_COLUMNS", "ROBOT_COLUMNS", "SLOT_COLUMNS", "SlotFeatures", "split_features"]
 
