@@ -1,6 +1,6 @@
 """GAVEL's environments: household instructions in real, partially observed BEHAVIOR-1K houses.
 
-Importing this package registers `Gavel-SingleTask-v0`, `Gavel-MultiTask-v0` and `Gavel-Behavior-v0` with Gymnasium.
+Importing this package registers `Gavel-SingleTask-v0`, `Gavel-MultiTask-v0`, `Gavel-Behavior-v0` and `Gavel-RL-v0`.
 Everything else is loaded when it is first used, so that the import stays light.
 """
 
@@ -14,6 +14,7 @@ from gymnasium.envs.registration import register
 if TYPE_CHECKING:
     from gavel_env.envs.env import GavelEnv
     from gavel_env.envs.rewards import RewardWeights
+    from gavel_env.envs.rl import SlotEnv
     from gavel_env.envs.wrappers import FlatActions, PaddedGraph, TextActions
     from gavel_env.errors import GavelError
     from gavel_env.exchange import EnvAction, Observed
@@ -43,6 +44,7 @@ __all__ = [
     "RewardWeights",
     "RobotConfig",
     "SceneGraph",
+    "SlotEnv",
     "TextActions",
     "Violation",
     "ViolationKind",
@@ -71,6 +73,7 @@ _HOME = {
     "RewardWeights": "envs.rewards",
     "RobotConfig": "house.robot_config",
     "SceneGraph": "world_model.graph",
+    "SlotEnv": "envs.rl",
     "TextActions": "envs.wrappers",
     "Violation": "world_model.dynamics",
     "ViolationKind": "world_model.dynamics",

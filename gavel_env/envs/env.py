@@ -117,7 +117,7 @@ class GavelEnv(gym.Env[Observation, Any]):
 
     Args:
         instructions: name of a shipped file ("single", "multi", "behavior"), path of a JSON Lines file, or records.
-        scenes: keep only the instructions in these scenes.
+        scenes: keep only the instructions in this scene, or in these.
         profile: rules profile, "paper" or "omnigibson".
         robot: fields of `RobotConfig` that differ from the default.
         on_violation: "terminate" (benchmarks) or "noop" (learning).
@@ -141,7 +141,7 @@ class GavelEnv(gym.Env[Observation, Any]):
         self,
         instructions: InstructionSource = "single",
         *,
-        scenes: Iterable[str] | None = None,
+        scenes: str | Iterable[str] | None = None,
         profile: Profile | str = Profile.PAPER,
         robot: RobotConfig | Mapping[str, Any] | None = None,
         on_violation: Literal["terminate", "noop"] = "terminate",

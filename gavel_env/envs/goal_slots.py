@@ -1,36 +1,59 @@
 """What the K slots of a learner stand for: what the goal speaks of, then what else was observed.
 
-A slot keeps what it stands for, so that a policy can rely on it. The first slots are the goal's designators in the order
-written; each is bound to the instance that the robot came to, or else to the nearest that was seen when the first was.
-The others hold observed instances by use: appliances that confer what the goal asks for, containers that may hide
-something, then whatever else was seen. A container that was looked into and shut again makes room for the next one.
+A slot keeps what it stands for, so that a policy can rely on it. The first slots are the goal's designators in the
+order written; each is bound to the instance that the robot came to, or else to the nearest that was seen when the first
+was. Then there is a machine for every state that the goal asks for (something that cooks, washes, ...), and the others
+hold observed instances: more machines of that kind, containers that may hide something, then whatever else was seen.
+A container that was looked into and shut again makes room for the next one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from typing import NamedTuple
 
+from gavel_env.exchange import Observed
+from gavel_env.instructions.vocabulary import default_vocabulary
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile, first_violation
 from gavel_env.world_model.goals import Designator, Goal, Predicate, fitting
 from gavel_env.world_model.graph import Flag, SceneGraph
-from gavel_env.exchange import Observed
-from gavel_env.world_model.ontology import Category
+from gavel_env.world_model.ontology import Category, default_ontology
 
-__all__ = ["GoalSlots", "Slot", "goal_designators"]
+__all__ = ["GoalSlots", "Slot", "goal_designators", "named_slots"]
 
 
 class Slot(NamedTuple):
     """What a slot stands for.
 
     Attributes:
-        designator: what the goal calls it; None in the other slots.
+        designator: what it is searched for as: the goal's name for it, or a category of machine; None in other slots.
         instance: observed id, or None while nothing is known that fits.
+        gives: the state that a machine is to confer; None in other slots.
     """
 
     designator: Designator | None = None
     instance: str | None = None
+    gives: Flag | None = None
+
+    def fitting(self, graph: SceneGraph) -> tuple[str, ...]:
+        """Return the observed instances that fit a slot with a designator."""
+        if self.gives is not None:
+            confers = _CONFERS[self.gives]
+            return tuple(node.id for node in graph.world.nodes.values() if confers(node.category))
+        assert self.designator is not None
+        return fitting(graph, self.designator)
+
+
+_CONFERS: Mapping[Flag, Callable[[Category], bool]] = {
+    Flag.COOKED: lambda category: category.heat is not None,
+    Flag.HOT: lambda category: category.heat is not None,
+    Flag.FROZEN: lambda category: category.cold is not None and category.cold.freezes,
+    Flag.WASHED: lambda category: category.washes,
+    Flag.DRIED: lambda category: category.dries,
+    Flag.DIRTY: lambda category: category.washes or category.rinses or category.wipes,  # of its negation
+}
 
 
 def goal_designators(goal: Goal) -> tuple[Designator, ...]:
@@ -43,11 +66,32 @@ def goal_designators(goal: Goal) -> tuple[Designator, ...]:
     return tuple(found)
 
 
+def _wanted_states(goal: Goal) -> tuple[Flag, ...]:
+    """Return the states that something must confer, each once, in the order written."""
+    flags = (lit.predicate.flag for lit in goal.literals if lit.negated == (lit.predicate is Predicate.DIRTY))
+    return tuple(dict.fromkeys(flag for flag in flags if flag is not None and flag in _CONFERS))
+
+
+@cache
+def _machine(flag: Flag) -> Designator | None:
+    """Return what a machine that confers a state is searched for as: a named one, if there is any with a door."""
+    ontology = default_ontology()
+    named = sorted(name for name in default_vocabulary().furniture if _CONFERS[flag](ontology[name]))
+    named.sort(key=lambda name: (not ontology[name].toggleable, not ontology[name].has_door))
+    return Designator(named[0]) if named else None
+
+
+def named_slots(goal: Goal) -> tuple[Slot, ...]:
+    """Return the slots that a goal asks for: its things, then the machines."""
+    things = [Slot(designator) for designator in goal_designators(goal)]
+    return (*things, *(Slot(_machine(flag), None, flag) for flag in _wanted_states(goal)))
+
+
 class GoalSlots:
     """The slots of one episode.
 
     Args:
-        goal: what is asked for; its designators must not be more than `size`.
+        goal: what is asked for; its `named_slots` must not be more than `size`.
         size: K.
         room_types: type of every room id, for designators with a room.
 
@@ -58,14 +102,13 @@ class GoalSlots:
     """
 
     def __init__(self, goal: Goal, size: int, room_types: Mapping[str, str]) -> None:
-        named = goal_designators(goal)
-        self.slots: list[Slot] = [Slot(designator) for designator in named] + [Slot()] * (size - len(named))
+        named = named_slots(goal)
+        self.slots: list[Slot] = [*named, *[Slot()] * (size - len(named))]
         self.opened: set[str] = set()
         self.unreachable: set[str] = set()
         self._named = len(named)
         self._room_types = room_types
-        flags = {lit.predicate.flag for lit in goal.literals if not lit.negated or lit.predicate is Predicate.DIRTY}
-        self._wanted = frozenset(flag for flag in flags if flag is not None)
+        self._wanted = _wanted_states(goal)
         self._waiting: tuple[list[str], list[str], list[str]] = ([], [], [])  # appliances, containers, the rest
         self._filed = 0
 
@@ -89,32 +132,22 @@ class GoalSlots:
         graph = observed.graph
         taken = {slot.instance for slot in self.slots[: self._named]}
         here = observed.layout.point(observed.cell)
-        for index, (designator, instance) in enumerate(self.slots[: self._named]):
-            assert designator is not None
-            if instance is not None and instance not in self.unreachable:
+        for index, slot in enumerate(self.slots[: self._named]):
+            if slot.instance is not None and slot.instance not in self.unreachable:
                 continue
-            found = [o for o in fitting(graph, designator) if o not in self.unreachable]
+            found = [o for o in slot.fitting(graph) if o not in self.unreachable]
             if not found:
-                self.slots[index] = Slot(designator)
+                self.slots[index] = slot._replace(instance=None)
                 continue
-            nearest = min(
-                found, key=lambda o: (o in taken, o != observed.reached, _away(observed.positions[o], here))
-            )
-            self.slots[index] = Slot(designator, nearest)
+            nearest = min(found, key=lambda o: (o in taken, o != observed.reached, _away(observed.positions[o], here)))
+            self.slots[index] = slot._replace(instance=nearest)
             taken.add(nearest)
             for other in range(self._named, len(self.slots)):
                 if self.slots[other].instance == nearest:
                     self.slots[other] = Slot()
 
     def _use(self, category: Category) -> int:
-        gives = (
-            ((Flag.COOKED, Flag.HOT), category.heat is not None),
-            ((Flag.FROZEN,), category.cold is not None),
-            ((Flag.WASHED,), category.washes),
-            ((Flag.DRIED,), category.dries),
-            ((Flag.DIRTY,), category.washes or category.rinses or category.wipes),
-        )
-        if any(able and self._wanted.intersection(flags) for flags, able in gives):
+        if any(_CONFERS[flag](category) for flag in self._wanted):
             return 0
         return 1 if category.has_door else 2
 
@@ -123,9 +156,8 @@ class GoalSlots:
         bound = {slot.instance for slot in self.slots}
         for index in range(self._named, len(self.slots)):
             instance = self.slots[index].instance
-            if instance is not None:
-                if not (pressing or containers) or not self._gives_way(graph, instance):
-                    continue
+            if instance is not None and not ((pressing or containers) and self._gives_way(graph, instance)):
+                continue
             queue = pressing or containers or ([] if instance is not None else rest)
             while queue and queue[0] in bound:
                 queue.pop(0)
@@ -153,7 +185,7 @@ class GoalSlots:
         graph = observed.graph
         if graph.holding is not None:
             yield Primitive.RELEASE, 0
-        for index, (designator, instance) in enumerate(self.slots):
+        for index, (designator, instance, _) in enumerate(self.slots):
             if instance is None:
                 if designator is not None and self._can_be_searched_for(designator, observed):
                     yield Primitive.NAVIGATE_TO, index
@@ -167,9 +199,7 @@ class GoalSlots:
 
     def _can_be_searched_for(self, designator: Designator, observed: Observed) -> bool:
         room = designator.room
-        return any(
-            r not in observed.searched and room in (None, r, kind) for r, kind in self._room_types.items()
-        )
+        return any(r not in observed.searched and room in (None, r, kind) for r, kind in self._room_types.items())
 
 
 _TARGETED = tuple(p for p in Primitive if p.takes_target)

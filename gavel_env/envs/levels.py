@@ -39,7 +39,7 @@ class Level(msgspec.Struct, frozen=True, kw_only=True):
 
 LEVELS: Mapping[str, Level] = {
     "easy": Level(file="rl", slots=8, literals=4, max_steps=20, text="one errand in one room, nothing shut away"),
-    "medium": Level(file="rl", slots=16, literals=4, max_steps=50, text="one errand in a house, with doors and machines"),
+    "medium": Level(file="rl", slots=16, literals=4, max_steps=50, text="one errand in a house, doors and machines"),
     "hard": Level(file="rl", slots=24, literals=8, max_steps=150, text="two or three errands in a house"),
     "benchmark": Level(file="multi", slots=32, literals=8, max_steps=300, text="the 500 multi-task instructions"),
 }

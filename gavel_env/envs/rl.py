@@ -11,22 +11,22 @@ from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from gavel_env.world_model.actions import Primitive
-from gavel_env.world_model.dynamics import unsafe
 from gavel_env.envs.env import BadEnvironmentOption, GavelEnv
-from gavel_env.envs.goal_slots import GoalSlots, goal_designators
+from gavel_env.envs.goal_slots import GoalSlots, Slot, named_slots
 from gavel_env.envs.levels import LevelSplit, find_level, level_instructions
 from gavel_env.envs.slot_features import SlotFeatures, feature_space
+from gavel_env.exchange import EnvAction, Observed
+from gavel_env.world_model.actions import Primitive
+from gavel_env.world_model.dynamics import unsafe
 from gavel_env.world_model.goals import Goal, Literal, Predicate, unmet
 from gavel_env.world_model.graph import Flag, SceneGraph
-from gavel_env.exchange import EnvAction, Observed
 
 __all__ = ["SlotEnv", "make_rl"]
 
 Floats = NDArray[np.float32]
 
 
-class SlotEnv(gym.Wrapper[Floats, np.int64, Any, Any], RecordConstructorArgs):
+class SlotEnv(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     """A `GavelEnv` as reinforcement learners want it: one discrete action, exact masks, a small vector.
 
     ## Description
@@ -38,18 +38,18 @@ class SlotEnv(gym.Wrapper[Floats, np.int64, Any, Any], RecordConstructorArgs):
 
     ## Action Space
 
-    `Discrete(9 * K)`: action `primitive * K + slot`, with `primitive` a `gavel_env.Primitive`. `RELEASE` has no target and
-    is allowed in slot 0 alone. `NAVIGATE_TO` a slot of the goal of which nothing is known goes and finds it.
+    `Discrete(9 * K)`: action `primitive * K + slot`, with `primitive` a `gavel_env.Primitive`. `RELEASE` has no target
+    and is allowed in slot 0 alone. `NAVIGATE_TO` a slot of the goal of which nothing is known goes and finds it.
 
-    The mask is exact: an action is allowed if and only if the world model accepts it in the observed graph (`first_violation`
-    is None), or if it searches for something while a room that fits is unsearched. An instance to which no route was
-    found is not offered again.
+    The mask is exact: an action is allowed if and only if the world model accepts it in the observed graph
+    (`first_violation` is None), or if it searches for something while a room that fits is unsearched. An instance to
+    which no route was found is not offered again.
 
     ## Observation Space
 
-    `Box(0, 1, (n,), float32)`, n = 433 at level easy, 1,990 at level benchmark. `env.get_wrapper_attr("parts")(observation)`
-    gives it as named arrays: `slots` (K, `SLOT_COLUMNS`), `literals` (L, `LITERAL_COLUMNS` + 2 K: which slots are subject
-    and object) and `robot` (`ROBOT_COLUMNS`).
+    `Box(0, 1, (n,), float32)`, n = 427 at level easy, 1,807 at level benchmark. `parts(observation)` gives it as named
+    arrays: `slots` (K, `SLOT_COLUMNS`), `literals` (L, `LITERAL_COLUMNS` + 2 K: which slots are subject and object) and
+    `robot` (`ROBOT_COLUMNS`).
 
     ## Starting State
 
@@ -58,11 +58,14 @@ class SlotEnv(gym.Wrapper[Floats, np.int64, Any, Any], RecordConstructorArgs):
     ## Rewards
 
     The reward of `GavelEnv` (1 for success, -0.01 per metre, -0.1 for what was refused) plus
-    `shaping * (gamma * Phi(s') - Phi(s))`, with the potential `Phi = -(sum of w(l) for l in unmet(g, G) + unsafe) / |g|`
-    over the observed graph G; `unsafe` counts the doors to shut and the appliances to switch off. w(l) is 1, less 1/4 once
-    the literal's subject is known, less 1/4 more while it is carried to where a relation wants it. Phi is 0 at a
-    terminal state. Shaping of this form leaves the optimal policies what they are (Ng, Harada and Russell, 1999), if
-    `gamma` is the learner's; of partially observed states, the same holds for potentials of the history.
+    `shaping * (gamma * Phi(s') - Phi(s))`, with the potential
+
+        Phi = -(sum of w(l) over l in unmet(g, G) + number of things to restore) / |g|
+
+    over the observed graph G; to restore are doors to shut and appliances to switch off. w(l) is 1, less 1/4 once the
+    literal's subject is known, less 1/4 more while a relation's subject is in the hand. Phi is 0 at a terminal state.
+    Shaping of this form leaves the optimal policies what they are (Ng, Harada and Russell, 1999) if `gamma` is the
+    learner's; Phi depends on what was observed so far, so this holds of policies over histories.
 
     ## Episode End
 
@@ -161,11 +164,16 @@ class SlotEnv(gym.Wrapper[Floats, np.int64, Any, Any], RecordConstructorArgs):
         """Return (9 K,) bool, True = allowed."""
         return self._mask.astype(np.bool_)
 
+    @property
+    def slots_now(self) -> tuple[Slot, ...]:
+        """Return what the slots stand for now."""
+        return tuple(self._table)
+
     def action_of(self, primitive: Primitive, target: str | None = None) -> int | None:
-        """Return the action that says a primitive on an observed id or on a designator of the goal; None if none does."""
+        """Return the action that says a primitive on an id or a designator of the goal; None if no slot does."""
         if not primitive.takes_target:
             return int(primitive) * self.slots
-        for index, (designator, instance) in enumerate(self._table):
+        for index, (designator, instance, _) in enumerate(self._table):
             if target in (instance, None if designator is None else str(designator)):
                 return int(primitive) * self.slots + index
         return None
@@ -184,7 +192,7 @@ class SlotEnv(gym.Wrapper[Floats, np.int64, Any, Any], RecordConstructorArgs):
     # --- inside --------------------------------------------------------------------------------------------------
 
     def _action(self, primitive: Primitive, slot: int) -> EnvAction:
-        designator, instance = self._table.slots[slot]
+        designator, instance, _ = self._table.slots[slot]
         if not primitive.takes_target:
             return EnvAction(primitive)
         if instance is not None:
@@ -228,7 +236,7 @@ class SlotEnv(gym.Wrapper[Floats, np.int64, Any, Any], RecordConstructorArgs):
         return frozenset(obj for _, obj in unsafe(start, graph, self._goal))
 
     def _check_size(self, instruction: str) -> None:
-        things, literals = len(goal_designators(self._goal)), len(self._goal.literals)
+        things, literals = len(named_slots(self._goal)), len(self._goal.literals)
         if self._goal.conditions:
             raise BadEnvironmentOption(f"instruction {instruction!r} has quantified conditions, which no slot can say")
         if things > self.slots or literals > self.literals:

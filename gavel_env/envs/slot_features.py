@@ -8,10 +8,10 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from gavel_env.envs.goal_slots import GoalSlots
+from gavel_env.envs.goal_slots import GoalSlots, goal_designators
+from gavel_env.exchange import Observed
 from gavel_env.world_model.goals import Goal, Literal, Predicate
 from gavel_env.world_model.graph import Flag, Relation, SceneGraph
-from gavel_env.exchange import Observed
 from gavel_env.world_model.ontology import Category
 
 __all__ = ["LITERAL_COLUMNS", "ROBOT_COLUMNS", "SLOT_COLUMNS", "SlotFeatures", "split_features"]
@@ -55,14 +55,19 @@ SLOT_COLUMNS = (
 )
 """Columns of a slot, all within 0 and 1.
 
-goal: the goal speaks of it. known: an instance was seen. shut_away: it is inside something shut. looked_into: a container
-that was seen open. to_restore: opened or switched on since it was first seen, though the goal does not ask for it.
-distance: in a straight line, 1 at 10 m and beyond. holder: (slot + 1) / K of what it is on or in, 0 if that is no slot.
+goal: the goal speaks of it, or needs such a machine. known: an instance was seen. shut_away: inside something shut.
+looked_into: a container that was seen open. to_restore: opened or switched on since it was first seen, though the goal
+does not ask for it. distance: in a straight line, 1 at 10 m and beyond. holder: (slot + 1) / K of what it is on or in,
+0 if no slot stands for that.
 """
 _COLUMN = {name: i for i, name in enumerate(SLOT_COLUMNS)}
 _FIRST_FLAG = _COLUMN[_FLAGS[0]]
 _FIXED = _COLUMN["fixed"]
-_SUPPORTS = {Relation.ON_TOP: _COLUMN["on_top"], Relation.INSIDE: _COLUMN["inside"], Relation.FLOOR: _COLUMN["on_floor"]}
+_SUPPORTS = {
+    Relation.ON_TOP: _COLUMN["on_top"],
+    Relation.INSIDE: _COLUMN["inside"],
+    Relation.FLOOR: _COLUMN["on_floor"],
+}
 _FAR_M = 10.0
 
 LITERAL_COLUMNS = ("used", "unmet", "negated", "robot_in_room", *(predicate.value for predicate in Predicate))
@@ -88,7 +93,7 @@ class SlotFeatures:
         size = len(table.slots)
         self._static: dict[str, Floats] = {}
         self._fixed_part = np.zeros((literals, len(LITERAL_COLUMNS) + 2 * size), np.float32)
-        named = {slot.designator: index for index, slot in enumerate(table.slots) if slot.designator is not None}
+        named = {designator: index for index, designator in enumerate(goal_designators(goal))}
         for row, literal in zip(self._fixed_part, goal.literals, strict=False):
             row[0], row[2] = 1.0, literal.negated
             row[LITERAL_COLUMNS.index(literal.predicate.value)] = 1.0
@@ -96,9 +101,7 @@ class SlotFeatures:
             if literal.object in named:
                 row[len(LITERAL_COLUMNS) + size + named[literal.object]] = 1.0
 
-    def write(
-        self, observed: Observed, unmet: Sequence[object], to_restore: frozenset[str], time: float
-    ) -> Floats:
+    def write(self, observed: Observed, unmet: Sequence[object], to_restore: frozenset[str], time: float) -> Floats:
         """Return the observation, (length,) float32.
 
         Args:
@@ -111,7 +114,7 @@ class SlotFeatures:
         slots = np.zeros((len(self._table.slots), len(SLOT_COLUMNS)), np.float32)
         x, y = observed.layout.point(observed.cell)
         place = {slot.instance: index for index, slot in enumerate(self._table.slots) if slot.instance is not None}
-        for row, (designator, instance) in zip(slots, self._table.slots, strict=True):
+        for row, (designator, instance, _) in zip(slots, self._table.slots, strict=True):
             if instance is None:
                 row[0] = designator is not None
                 continue

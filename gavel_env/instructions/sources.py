@@ -15,12 +15,12 @@ __all__ = ["InstructionSource", "gather"]
 InstructionSource: TypeAlias = str | Path | InstructionSet | Iterable[Instruction | Mapping[str, Any]]
 
 
-def gather(source: InstructionSource, scenes: Iterable[str] | None = None) -> Mapping[str, Instruction]:
+def gather(source: InstructionSource, scenes: str | Iterable[str] | None = None) -> Mapping[str, Instruction]:
     """Return the instructions of a source by id.
 
     Args:
         source: name of a shipped file, path of a file (`*.jsonl`), a set, or records.
-        scenes: keep only those in these scenes.
+        scenes: keep only those in this scene, or in these.
 
     Raises:
         InstructionError: the file is unreadable, a record is malformed, or nothing is left.
@@ -37,7 +37,7 @@ def gather(source: InstructionSource, scenes: Iterable[str] | None = None) -> Ma
         records = {record.id: record for record in parsed}
         if len(records) < len(parsed):
             raise InstructionError("two of the instructions given share an id")
-    wanted = None if scenes is None else sorted(set(scenes))
+    wanted = None if scenes is None else sorted({scenes} if isinstance(scenes, str) else set(scenes))
     kept = {name: records[name] for name in records if wanted is None or records[name].scene in wanted}
     if not kept:
         there = ", ".join(sorted({record.scene for record in records.values()})) or "none"

@@ -90,6 +90,7 @@ def test_bad_arguments_name_the_alternatives(kwargs: dict[str, Any], said: str) 
 
 def test_scenes_select_instructions() -> None:
     kept = make(scenes=["Benevolence_1_int"]).unwrapped.instruction_ids
+    assert make(scenes="Benevolence_1_int").unwrapped.instruction_ids == kept
     assert kept == ("benevolence_cook_apple",)
     with pytest.raises(InstructionError, match="Benevolence_1_int"):
         make(scenes=["Merom_1_int"])

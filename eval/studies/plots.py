@@ -1,0 +1,42 @@
+"""Pictures of measurements, all in one style; needs the extra `[plots]`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gavel_env.errors import GavelError
+
+__all__ = ["PlotsNotInstalled", "figure", "fitted_exponent"]
+
+
+class PlotsNotInstalled(GavelError):
+    """matplotlib is not installed."""
+
+
+def figure(columns: int = 1, rows: int = 1) -> tuple[Any, Any]:
+    """Return a new figure and its axes.
+
+    Raises:
+        PlotsNotInstalled: the extra is missing.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise PlotsNotInstalled("matplotlib is not installed; pip install 'gavel-env[plots]'") from error
+    drawing = Figure(figsize=(5.4 * columns, 3.4 * rows), dpi=110, layout="constrained")
+    FigureCanvasAgg(drawing)
+    axes = drawing.subplots(rows, columns, squeeze=False)
+    for ax in axes.flat:
+        ax.grid(visible=True, color="0.9")
+        ax.spines[["top", "right"]].set_visible(False)
+    return drawing, axes[0, 0] if rows == columns == 1 else axes
+
+
+def fitted_exponent(sizes: Sequence[float], costs: Sequence[float]) -> tuple[float, float]:
+    """Return k and c of the least-squares fit cost = c * size^k in logarithms."""
+    slope, offset = np.polyfit(np.log(sizes), np.log(costs), 1)
+    return float(slope), float(np.exp(offset))
