@@ -24,6 +24,7 @@ from gavel_agents.ordering.order import expected_costs, orderings
 from gavel_agents.proposing.proposals import Planned, Problem, edited_plans, proposed_plans
 from gavel_agents.understanding import TaskUnderstanding, Understanding
 from gavel_env.exchange import EnvAction, Observed
+from gavel_env.instructions.lookup import About
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile, apply, first_violation
 from gavel_env.world_model.goals import Goal
@@ -94,7 +95,6 @@ class PlanningAgent:
         self._remaining: list[int] = []
         if self._travel is None or self._travel.layout is not observed.layout:
             self._travel = TravelModel(observed.layout, self._coverage_width_m)
-        instruction_id = str(info.get("instruction_id", ""))
         with stage(self.trace, "understand"):
             understood = self._understanding.understand(observed.instruction, rooms=observed.graph.world.rooms)
         if understood.asked is not None:  # perhaps of an earlier episode with the same text
@@ -111,11 +111,11 @@ class PlanningAgent:
         )
         self._belief = Belief.initial(self._graph, observed.layout, self._travel.rooms, self._prior)
         self._belief = self._belief.update(self._graph, observed, self._binder.bound)
-        self._planned = self._plan(instruction_id, observed)
+        self._planned = self._plan(observed)
         self._remaining = list(range(len(self._tasks)))
         self._order = list(self._remaining) if self.config.order == "written" else self._reorder(observed)
 
-    def _plan(self, instruction_id: str, observed: Observed) -> Planned:
+    def _plan(self, observed: Observed) -> Planned:
         start = self._place(observed)
         beliefs, cells = self._cost_view(observed)
         travel = self._travel
@@ -125,8 +125,7 @@ class PlanningAgent:
             return travel.rollout(plan, start, beliefs, cells).metres
 
         problem = Problem(
-            instruction_id,
-            observed.instruction,
+            About.of(observed.instruction, observed.graph.world.rooms),
             self._tasks,
             self._graph,
             self._belief.likely(),

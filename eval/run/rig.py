@@ -18,7 +18,7 @@ from eval.records.schema import Contestant, EpisodeRecord, Step
 from eval.records.scrub import describe_error, scrub
 from eval.run.episodes import EnvironmentSettings, Episode, classify, step_record
 from gavel_agents.agent import Agent, AgentTrace, Privileged
-from gavel_agents.llm import ChatModel, load_model
+from gavel_agents.llm import ChatModel, load_model, tell
 from gavel_agents.understanding import Understanding, load_understanding
 from gavel_env.errors import GavelError
 from gavel_env.instructions.record import Instruction
@@ -173,7 +173,9 @@ class Rig:
         """
         if episode.instruction is None:
             return episode.record("rejected", error=scrub(episode.rejected))
-        progress = _Progress(self._model(episode.contestant.planner))
+        model = self._model(episode.contestant.planner)
+        tell(model, episode.instruction)
+        progress = _Progress(model)
         try:
             return self._play(episode, episode.instruction, progress, timeout_s)
         except (Exception, SystemExit) as error:  # noqa: BLE001  the episode boundary: one crash must not end the run

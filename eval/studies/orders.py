@@ -35,7 +35,7 @@ class Orders:
 
     def of(self, instruction: Instruction) -> dict[str, tuple[int, ...]]:
         """Return the order of tasks by method."""
-        model = ReferencePlans({instruction.id: instruction})
+        model = ReferencePlans([instruction])
         understanding = ReferenceUnderstanding([instruction])
         return {name: self._order(name, instruction, model, understanding) for name in METHODS}
 

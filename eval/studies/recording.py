@@ -17,7 +17,7 @@ import gymnasium as gym
 
 import gavel_agents
 import gavel_env  # noqa: F401  (registers the environments)
-from gavel_agents.llm import ChatModel, load_model
+from gavel_agents.llm import ChatModel, load_model, tell
 from gavel_agents.llm.batching import BatchingModel
 from gavel_agents.llm.replay import RecordingModel
 from gavel_agents.methods import METHODS
@@ -84,6 +84,7 @@ def record(
 
     def ask(agent: str, instruction: Instruction) -> Asked:
         env = gym.make("Gavel-MultiTask-v0", instructions=[instruction], profile=profile.value, observation="symbolic")
+        tell(model, instruction)
         planner = gavel_agents.make(agent, understanding=understanding, model=model, prior=prior, profile=profile)
         if not isinstance(planner, PlanningAgent) or planner.config.source != "model":
             asking = ", ".join(sorted(name for name, config in METHODS.items() if config.source == "model"))

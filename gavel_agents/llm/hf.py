@@ -97,7 +97,7 @@ class HfModel:
         for prompt, length in zip(prompts, lengths, strict=True):
             if length + self._max_tokens > self._context:
                 raise ModelError(
-                    f"hf:{self.name}: the prompt of {prompt.instruction_id!r} has {length} tokens; with "
+                    f"hf:{self.name}: the prompt of {prompt.about.text[:80]!r} has {length} tokens; with "
                     f"{self._max_tokens} new ones that is more than the model's {self._context}"
                 )
         order = sorted(range(len(texts)), key=lambda i: (lengths[i], i))

@@ -5,14 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from importlib import import_module
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 from urllib.parse import parse_qsl
 
 import msgspec
 
 from gavel_env.errors import GavelError, nearest_names
+from gavel_env.instructions.lookup import About
+from gavel_env.instructions.record import Instruction
 
 __all__ = [
+    "AnswersFromRecords",
     "BadPlannerSpec",
     "ChatModel",
     "Completion",
@@ -22,6 +25,7 @@ __all__ = [
     "load_model",
     "model_kinds",
     "spec_options",
+    "tell",
 ]
 
 
@@ -41,7 +45,7 @@ class Prompt(msgspec.Struct, frozen=True):
 
     Attributes:
         messages: the turns; the leading ones that never change between instructions come first.
-        instruction_id: which instruction it is about (scripted models answer by it; never shown to a model).
+        about: the instruction's text and the rooms; models that answer from files look it up.
         attempt: 0 for the first proposal, then 1, 2, ... for retries.
         schema: JSON schema to which backends that can hold the answer; others are told by the turns alone.
         seed: of the sampling; it matters only where something is sampled. None = the backend's own.
@@ -49,7 +53,7 @@ class Prompt(msgspec.Struct, frozen=True):
     """
 
     messages: tuple[Message, ...]
-    instruction_id: str = ""
+    about: About = About("")
     attempt: int = 0
     schema: Mapping[str, Any] | None = None
     seed: int | None = None
@@ -92,6 +96,21 @@ def decoding_of(decoding: Mapping[str, str | float | int], prompt: Prompt) -> di
     if prompt.seed is not None and found.get("temperature") != 0:
         found["seed"] = prompt.seed
     return found
+
+
+@runtime_checkable
+class AnswersFromRecords(Protocol):
+    """A model that looks instructions up; whoever runs it tells it which records there are."""
+
+    def know(self, instruction: Instruction) -> None:
+        """Take in a record that may be asked about."""
+        ...
+
+
+def tell(model: object, instruction: Instruction) -> None:
+    """Tell a model that looks instructions up about a record; other models have no use for it."""
+    if isinstance(model, AnswersFromRecords):
+        model.know(instruction)
 
 
 # kind -> (module, class); the module is imported only when the kind is asked for.

@@ -5,10 +5,12 @@ For studies of what comes after the plan: beliefs, search and ordering. Tables c
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from gavel_agents.llm.interface import Completion, Prompt
+from gavel_env.errors import UnknownInstruction
+from gavel_env.instructions.lookup import InstructionLookup
 from gavel_env.instructions.record import Instruction, read_instructions, shipped
 from gavel_env.instructions.reference_names import spoken
 from gavel_env.world_model.actions import Action
@@ -21,8 +23,8 @@ __all__ = ["ReferencePlans", "written"]
 class ReferencePlans:
     """Answers every prompt with the certified plans of its instruction, written over designators."""
 
-    def __init__(self, source: str | Mapping[str, Instruction]) -> None:
-        """Take instructions by id, or read an instruction file: a shipped name or a path.
+    def __init__(self, source: str | Iterable[Instruction]) -> None:
+        """Take instruction records, or read an instruction file: a shipped name or a path.
 
         Raises:
             UnknownInstruction: no shipped file has this name.
@@ -30,19 +32,28 @@ class ReferencePlans:
         """
         self.name = "reference plans (no model)"
         self.decoding: Mapping[str, str | float | int] = {}
-        self._instructions: Mapping[str, Instruction]
         if isinstance(source, str):
-            self._instructions = read_instructions(Path(source) if source.endswith(".jsonl") else shipped(source))
-        else:
-            self._instructions = source
+            file = Path(source) if source.endswith(".jsonl") else shipped(source)
+            source = read_instructions(file).values()
+        self._records = InstructionLookup(source)
+
+    def know(self, instruction: Instruction) -> None:
+        """Take in a record that may be asked about."""
+        self._records.add(instruction)
 
     def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         """Return the reference plans.
 
         Raises:
-            UnknownInstruction: the file has none for an instruction.
+            UnknownInstruction: there is no record of an instruction.
         """
-        return [Completion(written(i, _plans(i))) for i in (self._instructions[p.instruction_id] for p in prompts)]
+        return [Completion(self._answer(prompt)) for prompt in prompts]
+
+    def _answer(self, prompt: Prompt) -> str:
+        instruction = self._records.find(prompt.about)
+        if instruction is None:
+            raise UnknownInstruction(prompt.about.text, (), "the reference plans")
+        return written(instruction, _plans(instruction))
 
 
 def _plans(instruction: Instruction) -> list[tuple[Action, ...]]:

@@ -31,14 +31,14 @@ class NotRecorded(GavelError):
     """A prompt is not in the recording."""
 
 
-class Recorded(msgspec.Struct, frozen=True):
+class Recorded(msgspec.Struct, frozen=True, omit_defaults=True):
     """One stored completion, with what it answered.
 
     Attributes:
         key: `completion_key` of what follows.
         model: name of the model.
         decoding: its decoding parameters; what a prompt asked for instead (seed, temperature) is in the key alone.
-        instruction_id: which instruction the prompt was about.
+        instruction: text of the instruction that the prompt was about; older recordings have its id instead.
         attempt: 0 for a first proposal.
         text: the raw answer.
         prompt_tokens, completion_tokens: as the backend counted them.
@@ -48,12 +48,13 @@ class Recorded(msgspec.Struct, frozen=True):
     key: str
     model: str
     decoding: dict[str, str | float | int]
-    instruction_id: str
     attempt: int
     text: str
     prompt_tokens: int
     completion_tokens: int
     seconds: float
+    instruction_id: str = ""
+    instruction: str = ""
 
 
 def completion_key(
@@ -137,7 +138,7 @@ class ReplayModel:
         recorded = self._completions.get(key)
         if recorded is None:
             raise NotRecorded(
-                f"attempt {prompt.attempt} of instruction {prompt.instruction_id!r} (prompt {key}) is not in "
+                f"attempt {prompt.attempt} of instruction {prompt.about.text[:80]!r} (prompt {key}) is not in "
                 f"{Path(self._path).name}; record it with: gavel record --planner gguf:MODEL.gguf --out {self._path}"
             )
         return Completion(recorded.text, recorded.prompt_tokens, recorded.completion_tokens, recorded.seconds)
@@ -167,12 +168,12 @@ class RecordingModel:
                 key,
                 self.name,
                 dict(self.decoding),
-                prompt.instruction_id,
                 prompt.attempt,
                 answer.text,
                 answer.prompt_tokens,
                 answer.completion_tokens,
                 round(answer.seconds, 3),
+                instruction=prompt.about.text,
             )
             self._path.parent.mkdir(parents=True, exist_ok=True)
             with self._writing, self._path.open("ab") as file:
@@ -185,7 +186,7 @@ class RecordingModel:
 def compact(path: str | Path) -> int:
     """Rewrite a recording sorted by instruction, attempt and key, as one gzip member; return its completions."""
     records = {r.key: r for r in read_recording(path)}
-    ordered = sorted(records.values(), key=lambda r: (r.instruction_id, r.attempt, r.key))
+    ordered = sorted(records.values(), key=lambda r: (r.instruction_id, r.instruction, r.attempt, r.key))
     content = b"".join(msgspec.json.encode(r) + b"\n" for r in ordered)
     temporary = Path(f"{path}.new")
     temporary.write_bytes(gzip.compress(content, mtime=0))

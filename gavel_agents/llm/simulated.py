@@ -22,6 +22,7 @@ from gavel_agents.llm.reference import written
 from gavel_env.errors import GavelError, UnknownInstruction, nearest_names
 from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.initial_graph import instruction_graph
+from gavel_env.instructions.lookup import InstructionLookup
 from gavel_env.instructions.record import Instruction, read_instructions, shipped
 from gavel_env.tasks.judging import judge
 from gavel_env.world_model.goals import Goal
@@ -127,6 +128,7 @@ class SimulatedModel:
         if instructions is None:
             instructions = chain.from_iterable(read_instructions(shipped(file)).values() for file in _FILES)
         self._instructions = {instruction.id: instruction for instruction in instructions}
+        self._records = InstructionLookup(self._instructions.values())
 
     def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         """Return the plans.
@@ -137,9 +139,9 @@ class SimulatedModel:
         return [Completion(self._answer(prompt)) for prompt in prompts]
 
     def _answer(self, prompt: Prompt) -> str:
-        instruction = self._instructions.get(prompt.instruction_id)
+        instruction = self._records.find(prompt.about)
         if instruction is None:
-            raise UnknownInstruction(prompt.instruction_id, self._instructions, "what the simulated planner knows")
+            raise UnknownInstruction(prompt.about.text, (), "what the simulated planner knows")
         graph = instruction_graph(load_scene(instruction.scene), instruction)
         plans = []
         seed = self._base + (prompt.seed or 0)

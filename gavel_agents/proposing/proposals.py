@@ -16,6 +16,7 @@ from gavel_agents.proposing.complaint import complain
 from gavel_agents.proposing.parse import parse_plans
 from gavel_agents.proposing.prompts import plan_prompt, retry_prompt
 from gavel_agents.understanding import TaskUnderstanding
+from gavel_env.instructions.lookup import About
 from gavel_env.world_model.dynamics import Profile
 from gavel_env.world_model.goals import Goal
 from gavel_env.world_model.graph import Flag, SceneGraph
@@ -37,8 +38,7 @@ class Problem:
     """What is planned for: I, G_0, B_0 and {g_i}.
 
     Attributes:
-        instruction_id: for models that answer from a file.
-        text: I.
+        about: the instruction's text I, and the rooms of the house.
         tasks: the understood tasks with their goals.
         graph: the believed graph G_0.
         likely: node -> its rooms by decreasing belief.
@@ -47,8 +47,7 @@ class Problem:
         seed: of a model's sampling.
     """
 
-    instruction_id: str
-    text: str
+    about: About
     tasks: Sequence[TaskUnderstanding]
     graph: SceneGraph
     likely: Mapping[str, Sequence[str]]
@@ -59,11 +58,11 @@ class Problem:
 
 def proposed_plans(problem: Problem, config: MethodConfig, model: ChatModel, trace: AgentTrace) -> Planned:
     """Ask the model until every task's plan is valid or the budget T is spent."""
-    first = plan_prompt(problem.text, problem.tasks, problem.graph, problem.likely)
+    first = plan_prompt(problem.about.text, problem.tasks, problem.graph, problem.likely)
     prompt = first
     planned = Planned()
     for attempt in range(config.attempts):
-        answer = _ask(model, Prompt(prompt, problem.instruction_id, attempt, seed=problem.seed), trace)
+        answer = _ask(model, Prompt(prompt, problem.about, attempt, seed=problem.seed), trace)
         parsed = parse_plans(answer, problem.graph, len(problem.tasks))
         planned = _judge(problem, parsed.plans, trace, repairing=config.repair)
         if all(verdict.valid for verdict in planned.verdicts) or not config.feedback:

@@ -15,6 +15,7 @@ from gavel_agents.understanding.answer import answer_schema, read_answer
 from gavel_agents.understanding.chat import chat_prompt
 from gavel_agents.understanding.interface import Abstention, Decomposition, Rooms
 from gavel_agents.understanding.mentions import Mentions
+from gavel_env.instructions.lookup import About
 
 __all__ = ["ModelUnderstanding", "adapter_prompt"]
 
@@ -79,9 +80,9 @@ class ModelUnderstanding:
         if self._trained:
             categories = {category: (category,) for category in mentions.categories}
             schema = answer_schema(categories, mentions.rooms, brief=True)
-            return Prompt(adapter_prompt(text), schema=schema, temperature=0.0)
+            return Prompt(adapter_prompt(text), About(text), schema=schema, temperature=0.0)
         schema = answer_schema(mentions.phrases, mentions.room_phrases)
-        return Prompt(chat_prompt(text), schema=schema, temperature=0.0)
+        return Prompt(chat_prompt(text), About(text), schema=schema, temperature=0.0)
 
     def _ask(self, prompts: Sequence[Prompt]) -> Sequence[Completion]:
         return self._model.complete(prompts) if prompts else ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from gavel_agents.understanding.interface import Decomposition, Rooms, TaskUnderstanding
+from gavel_env.instructions.lookup import About, InstructionLookup
 from gavel_env.instructions.record import Instruction
 from gavel_env.instructions.reference_names import goal_designators, spoken
 from gavel_env.world_model.goals import Designator, Literal, parse_literal
@@ -22,21 +23,16 @@ class ReferenceUnderstanding:
     name = "reference"
 
     def __init__(self, instructions: Iterable[Instruction]) -> None:
-        self._by_text: dict[str, list[Instruction]] = {}
-        for instruction in instructions:
-            self._by_text.setdefault(instruction.text, []).append(instruction)
+        self._records = InstructionLookup(instructions)
 
     def understand(
         self, text: str, *, rooms: Rooms | None = None, answers: Mapping[str, str] | None = None
     ) -> Decomposition:
-        """Return the record's tasks; abstains on a sentence that is in no record, or means several things."""
-        known = self._by_text.get(text, [])
-        if not known:
+        """Return the record's tasks; abstains on a sentence that is in no record of a house with these rooms."""
+        instruction = self._records.find(About.of(text, rooms or ()))
+        if instruction is None:
             return Decomposition((), f"unknown_instruction: {text[:80]!r}")
-        meant = [tuple(_task(instruction, index) for index in range(len(instruction.tasks))) for instruction in known]
-        if any(tasks != meant[0] for tasks in meant):
-            return Decomposition((), f"ambiguous: {', '.join(i.id for i in known)} say {text[:80]!r}")
-        return Decomposition(meant[0])
+        return Decomposition(tuple(_task(instruction, index) for index in range(len(instruction.tasks))))
 
 
 def _task(instruction: Instruction, index: int) -> TaskUnderstanding:

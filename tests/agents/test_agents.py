@@ -9,7 +9,8 @@ import gymnasium as gym
 import pytest
 
 import gavel_agents
-from gavel_agents.llm import Completion, Prompt, load_model
+from gavel_agents.llm import Completion, Prompt
+from gavel_agents.llm.reference import ReferencePlans
 from gavel_agents.methods import METHODS
 from gavel_agents.pipeline import PlanningAgent
 from gavel_agents.understanding import ReferenceUnderstanding
@@ -83,10 +84,11 @@ class WithReferencePlans:
     decoding: Mapping[str, str | float | int] = {}
 
     def __init__(self) -> None:
-        self._models = [load_model(f"reference:{kind}") for kind in KINDS]
+        files = [read_instructions(shipped(kind)) for kind in KINDS]
+        self._model = ReferencePlans([instruction for file in files for instruction in file.values()])
 
     def complete(self, prompts: list[Prompt]) -> list[Completion]:
-        return self._models[prompts[0].instruction_id.startswith("multi")].complete(prompts)
+        return self._model.complete(prompts)
 
 
 def test_oracle_succeeds_everywhere_and_drives_least(instructions: Mapping[str, Instruction]) -> None:

@@ -63,7 +63,7 @@ def believed(task: TaskUnderstanding, *rooms: str) -> SceneGraph:
 @pytest.mark.parametrize("name", CAUSES)
 def test_certified_plans_succeed(name: str, method: str) -> None:
     agent: Any = gavel_agents.make(
-        method, understanding=ReferenceUnderstanding(activities().values()), model=ReferencePlans(activities())
+        method, understanding=ReferenceUnderstanding(activities().values()), model=ReferencePlans(activities().values())
     )
     observation, info = world().reset(seed=0, options={"instruction": f"behavior-{name}"})
     agent.reset(observation, info)
@@ -155,7 +155,9 @@ def test_conditions_are_repaired_as_literals(formal: str, plan: tuple[str, ...])
 def test_a_goal_beyond_the_rules_leaves_the_proposal_alone() -> None:
     """No edit rule puts a thing on the floor of a room: then a plan that does is not shortened to one that does not."""
     agent: Any = gavel_agents.make(
-        "gavel-basic", understanding=ReferenceUnderstanding(activities().values()), model=ReferencePlans(activities())
+        "gavel-basic",
+        understanding=ReferenceUnderstanding(activities().values()),
+        model=ReferencePlans(activities().values()),
     )
     name = "behavior-preparing_clothes_for_the_next_day"
     agent.reset(*world().reset(seed=0, options={"instruction": name}))

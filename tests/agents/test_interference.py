@@ -49,7 +49,7 @@ def instruction(tasks: list[dict[str, Any]]) -> Instruction:
 def run(method: str, record: Instruction, tmp_path: Path) -> tuple[bool, list[int]]:
     file = tmp_path / "both.jsonl"
     lines = [f"Task {n}:\n" + "\n".join(task.reference_plan) for n, task in enumerate(record.tasks, start=1)]
-    file.write_text(json.dumps({"instruction_id": "both", "completions": ["\n".join(lines)]}))
+    file.write_text(json.dumps({"instruction": record.text, "completions": ["\n".join(lines)]}))
     model = load_model(f"scripted:{file}")
     env = gym.make("Gavel-MultiTask-v0", instructions=[record], terminate_on_success=False, observation="symbolic")
     agent: Any = gavel_agents.make(method, understanding=ReferenceUnderstanding([record]), model=model)

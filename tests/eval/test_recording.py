@@ -57,7 +57,7 @@ class Counted:
     def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         with self._writing:
             self.sizes.append(len(prompts))
-            self.asked += [prompt.instruction_id for prompt in prompts]
+            self.asked += [prompt.about.text for prompt in prompts]
         for prompt in prompts:
             self._refuse(prompt)
         answers = self._model.complete(prompts)

@@ -10,6 +10,7 @@ import pytest
 from gavel_agents.llm import Completion, Message, Prompt
 from gavel_agents.llm.batching import BatchingModel
 from gavel_agents.llm.service import ModelError
+from gavel_env.instructions.lookup import About
 
 FOREVER_S = 600.0
 """A window that no test waits out: with it, only full batches are asked."""
@@ -75,7 +76,7 @@ class Asking(threading.Thread):
 
 
 def prompt(text: str) -> Prompt:
-    return Prompt((Message("system", "plan"), Message("user", text)), text)
+    return Prompt((Message("system", "plan"), Message("user", text)), About(text))
 
 
 def failing_on(bad: str) -> Callable[[list[str]], None]:
@@ -155,7 +156,7 @@ def test_an_error_of_every_call_reaches_every_caller_as_its_own() -> None:
 def test_too_few_answers_are_an_error_and_never_someone_elses() -> None:
     class Forgetful(Counting):
         def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
-            return super().complete(prompts)[: len(prompts) - ("b" in [p.instruction_id for p in prompts])]
+            return super().complete(prompts)[: len(prompts) - ("b" in [p.about.text for p in prompts])]
 
     model = BatchingModel(Forgetful(), 2, FOREVER_S)
     one, other = Asking(model, "a"), Asking(model, "b")

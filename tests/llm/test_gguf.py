@@ -217,7 +217,7 @@ def test_what_a_server_refuses_is_said_at_once(
 
 def test_every_single_task_keeps_to_the_token_budget(server: TinyServer) -> None:
     prompts = first_prompts("single")
-    counts = {prompt.instruction_id: server.tokens(prompt.messages) for prompt in prompts}
+    counts = {prompt.about.text: server.tokens(prompt.messages) for prompt in prompts}
     assert len(counts) == 100
     assert {name: count for name, count in counts.items() if count > TOKEN_BUDGET} == {}
 

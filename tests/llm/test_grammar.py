@@ -12,13 +12,16 @@ from gavel_agents.llm import Message, Prompt, load_model
 from gavel_agents.llm.grammar import MOST_STEPS, plan_gbnf, plan_schema, step_pattern
 from gavel_agents.llm.reference import ReferencePlans
 from gavel_agents.proposing.parse import parse_plans
+from gavel_env.instructions.lookup import About
 from gavel_env.instructions.record import read_instructions, shipped
 from gavel_env.world_model.actions import Primitive
 
 ANSWERS = [
     completion.text
     for file in ("single", "multi")
-    for completion in ReferencePlans(file).complete([Prompt((), i) for i in read_instructions(shipped(file))])
+    for completion in ReferencePlans(file).complete(
+        [Prompt((), About(i.text)) for i in read_instructions(shipped(file)).values()]
+    )
 ]
 
 

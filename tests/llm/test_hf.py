@@ -21,6 +21,7 @@ from gavel_agents.llm import BadPlannerSpec, Message, Prompt, load_model
 from gavel_agents.llm.hf import HfModel, without_thinking
 from gavel_agents.llm.sampling import Sampler
 from gavel_agents.llm.service import ModelError
+from gavel_env.instructions.lookup import About
 
 # The libraries warn about each other's deprecations.
 pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning")
@@ -39,7 +40,7 @@ def model(folder: Path) -> HfModel:
 
 
 def prompts(*texts: str) -> list[Prompt]:
-    return [Prompt((Message("system", "plan"), Message("user", text)), f"i-{i}") for i, text in enumerate(texts)]
+    return [Prompt((Message("system", "plan"), Message("user", text)), About(text)) for text in texts]
 
 
 SAID = ("put it in", "the apple", "a", "put the apple on the table and then the fridge", "on", "1 2 3", "then")

@@ -17,11 +17,12 @@ from gavel_agents.llm import BadPlannerSpec, Message, Prompt, load_model
 from gavel_agents.llm.anthropic import AnthropicModel
 from gavel_agents.llm.openai import OpenAIModel
 from gavel_agents.llm.service import ModelError, Retries
+from gavel_env.instructions.lookup import About
 
 KEY = "sk-test-0123456789abcdef-secret"
 QUICK = Retries(attempts=4, first_wait_s=1.0, timeout_s=0.4)
 KINDS: dict[str, Any] = {"openai": OpenAIModel, "anthropic": AnthropicModel}
-PROMPT = Prompt((Message("system", "You plan."), Message("user", "hello")), "i-1")
+PROMPT = Prompt((Message("system", "You plan."), Message("user", "hello")), About("hello"))
 
 
 @pytest.fixture(autouse=True)

@@ -22,6 +22,7 @@ from gavel_agents.llm.replay import (
 )
 from gavel_agents.understanding import ReferenceUnderstanding
 from gavel_env.errors import DataError
+from gavel_env.instructions.lookup import About
 from gavel_env.instructions.record import read_instructions, shipped
 
 
@@ -40,7 +41,7 @@ class Echo:
 
 
 def prompt(text: str, attempt: int = 0) -> Prompt:
-    return Prompt((Message("system", "be brief"), Message("user", text)), text, attempt)
+    return Prompt((Message("system", "be brief"), Message("user", text)), About(text), attempt)
 
 
 def test_what_was_said_once_is_replayed_exactly_without_asking_again(tmp_path: Path) -> None:

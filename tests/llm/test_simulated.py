@@ -18,6 +18,7 @@ from gavel_agents.proposing.parse import parse_plans
 from gavel_env.errors import UnknownInstruction
 from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.initial_graph import instruction_graph
+from gavel_env.instructions.lookup import About
 from gavel_env.instructions.record import read_instructions, shipped
 from gavel_env.tasks.judging import judge
 
@@ -27,7 +28,7 @@ SAYPLAN = {"qwen3-8b": 76.4, "qwen3-4b": 55.4}
 
 
 def asked(attempt: int = 0) -> list[Prompt]:
-    return [Prompt((), name, attempt) for name in SINGLE]
+    return [Prompt((), About(one.text), attempt) for one in SINGLE.values()]
 
 
 def right(profile: str, seed: int, attempt: int = 0) -> list[bool]:
@@ -86,7 +87,7 @@ def test_answers_repeat_and_differ_by_seed() -> None:
 
 def test_multi_task_answers_have_a_plan_per_task() -> None:
     instruction = next(iter(read_instructions(shipped("multi")).values()))
-    [answer] = load_model("simulated:qwen3-8b").complete([Prompt((), instruction.id)])
+    [answer] = load_model("simulated:qwen3-8b").complete([Prompt((), About(instruction.text))])
     assert len(parse_plans(answer.text, None, len(instruction.tasks)).plans) == len(instruction.tasks)
 
 
@@ -120,4 +121,4 @@ def test_bad_specs(spec: str, says: str) -> None:
 
 def test_unknown_instruction() -> None:
     with pytest.raises(UnknownInstruction):
-        SimulatedModel("qwen3-8b", []).complete([Prompt((), "nowhere-00")])
+        SimulatedModel("qwen3-8b", []).complete([Prompt((), About("Go nowhere."))])
