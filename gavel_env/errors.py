@@ -14,6 +14,7 @@ __all__ = [
     "SceneError",
     "UnknownAgent",
     "UnknownCategory",
+    "UnknownConcept",
     "UnknownInstruction",
     "UnknownObject",
     "UnknownScene",
@@ -79,6 +80,12 @@ class UnknownCategory(_UnknownName):
     """The ontology has no such category."""
 
     what = "category"
+
+
+class UnknownConcept(_UnknownName):
+    """The table of concepts has none of this name."""
+
+    what = "concept"
 
 
 class UnknownObject(_UnknownName):

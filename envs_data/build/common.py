@@ -25,6 +25,7 @@ __all__ = [
     "CategoryRow",
     "Literal",
     "activities",
+    "all_synsets",
     "ancestors",
     "bddl_root",
     "categories",
@@ -135,6 +136,12 @@ def ancestors(synset: str) -> frozenset[str]:
             found.add(name)
             stack.extend(_parents().get(name, ()))
     return frozenset(found)
+
+
+@cache
+def all_synsets() -> tuple[str, ...]:
+    """Return every synset of the hierarchy, sorted."""
+    return tuple(sorted(set(_parents()).union(*_parents().values())))
 
 
 def category_of_model(model: str) -> str:

@@ -291,7 +291,7 @@ def _on_floor(graph: SceneGraph, obj: str, room: str) -> bool:
     support = graph.supports.get(obj)
     if support is None or support.relation is not Relation.FLOOR:
         return False
-    return room in (support.holder, graph.world.rooms[support.holder].type)
+    return graph.world.rooms[support.holder].fits(room)
 
 
 def _is_within(graph: SceneGraph, obj: str, containers: tuple[str, ...]) -> bool:

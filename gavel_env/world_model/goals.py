@@ -1,9 +1,10 @@
 """Goals g as partial graphs: literals over designators, and unmet(g, G).
 
-A *designator* is an instance id (`fridge_0`) or a category with an optional room type or room id
-(`bottom_cabinet@private_office`); any instance that fits will do. Within one goal, literals with the same subject speak
-of the same instance: "the pie is cooked and on the table" is not met by two pies. A negated literal is about those same
-instances; where no positive literal speaks of its subject, it holds when no instance that fits makes the literal true.
+A *designator* is an instance id (`fridge_0`), or a category or concept with an optional room: its id, its type or a
+concept of that (`bottom_cabinet@private_office`, `any_cabinet@any_office`); any instance that fits will do. Within one
+goal, literals with the same subject speak of the same instance: "the pie is cooked and on the table" is not met by two
+pies. A negated literal is about those same instances; where no positive literal speaks of its subject, it holds when no
+instance that fits makes the literal true.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import msgspec
 
 from gavel_env.errors import MalformedGoal, nearest_names
 from gavel_env.world_model.actions import normalise_name
-from gavel_env.world_model.graph import Flag, Relation, SceneGraph
+from gavel_env.world_model.graph import Flag, Relation, Room, SceneGraph
 
 __all__ = ["Condition", "Designator", "Goal", "Literal", "Predicate", "fitting", "parse_goal", "parse_literal", "unmet"]
 
@@ -64,7 +65,7 @@ _FLAGS = {
 
 
 class Designator(NamedTuple):
-    """An instance id, or a category with an optional room (type or id)."""
+    """An instance id, or a category or concept with an optional room (id, type or concept)."""
 
     name: str
     room: str | None = None
@@ -196,7 +197,7 @@ def fitting(graph: SceneGraph, designator: Designator) -> tuple[str, ...]:
     if name in world.nodes:
         candidates: tuple[str, ...] = (name,)
     else:
-        candidates = world.by_category.get(name, ())
+        candidates = world.instances(name)
     if room is None:
         return candidates
     return tuple(c for c in candidates if _in_room(graph, c, room))
@@ -205,8 +206,9 @@ def fitting(graph: SceneGraph, designator: Designator) -> tuple[str, ...]:
 def _in_room(graph: SceneGraph, obj: str, room: str) -> bool:
     where = graph.room_of(obj)
     if where is None:
-        return graph.world.nodes[obj].stated_room == room
-    return where == room or graph.world.rooms[where].type == room
+        stated = graph.world.nodes[obj].stated_room
+        return stated is not None and Room(stated, stated).fits(room)
+    return graph.world.rooms[where].fits(room)
 
 
 def _on_top(graph: SceneGraph, a: str, b: str) -> bool:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import msgspec
 import networkx as nx
 
+from gavel_env.world_model.concepts import default_concepts, is_concept
 from gavel_env.world_model.ontology import Category
 
 __all__ = ["Flag", "Node", "Relation", "Room", "SceneGraph", "Support", "World"]
@@ -46,6 +47,12 @@ class Room(NamedTuple):
     id: str
     type: str
 
+    def fits(self, stated: str) -> bool:
+        """Return whether a stated room is this one: by its id, its type or a concept of that (`any_office`)."""
+        if stated in (self.id, self.type):
+            return True
+        return is_concept(stated) and stated in default_concepts().of_room_type(self.type)
+
 
 class Support(NamedTuple):
     """What holds an object: an object id (`ON_TOP`, `INSIDE`), a room id (`FLOOR`), or the robot (`HELD`)."""
@@ -55,12 +62,26 @@ class Support(NamedTuple):
 
 
 class Node(NamedTuple):
-    """An object o: its category c(o), whether it is a fixed piece, and the room type a designator states, if any."""
+    """An object o.
+
+    Attributes:
+        id: instance id, or a designator in the believed graph.
+        category: c(o); the likeliest one where it may be of several.
+        fixed: whether it is a fixed piece.
+        stated_room: the room (id, type or concept) that a designator states, if any.
+        others: what else a node named by a concept may be, likeliest first.
+    """
 
     id: str
     category: Category
     fixed: bool
     stated_room: str | None = None
+    others: tuple[Category, ...] = ()
+
+    @property
+    def categories(self) -> tuple[Category, ...]:
+        """Return every category that it may have, likeliest first."""
+        return (self.category, *self.others)
 
 
 ROBOT = "robot"
@@ -81,6 +102,12 @@ class World(msgspec.Struct, frozen=True):
         for node in nodes.values():
             index.setdefault(node.category.name, []).append(node.id)
         return cls(rooms, connections, nodes, {name: tuple(ids) for name, ids in index.items()})
+
+    def instances(self, name: str) -> tuple[str, ...]:
+        """Return the objects of a category or of a concept (`any_cabinet`), in the graph's order."""
+        if is_concept(name):
+            return tuple(node.id for node in self.nodes.values() if name in node.category.concepts)
+        return self.by_category.get(name, ())
 
 
 _NO_FLAGS: tuple[frozenset[str], ...] = (frozenset(),) * len(Flag)

@@ -16,6 +16,7 @@ from typing import Literal
 import msgspec
 
 from gavel_env.errors import DataError, UnknownCategory
+from gavel_env.world_model.concepts import Concepts, default_concepts
 
 __all__ = ["Category", "Mount", "Ontology", "TemperatureSource", "category_of", "default_ontology", "load_ontology"]
 
@@ -74,6 +75,8 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         mount: where its instances are fixed; only "floor" ones block the way.
         size_m: median (depth along the front direction, width, height) of its models, metres, or None.
         mass_kg: annotated mass, or None.
+        words: what people call it, beyond the table of concepts; for categories of one's own.
+        concepts: the concepts that it belongs to (`any_bath`). An ontology adds those of its table of concepts.
     """
 
     name: str
@@ -100,6 +103,8 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     mount: Mount = "floor"
     size_m: tuple[float, float, float] | None = None
     mass_kg: float | None = None
+    words: tuple[str, ...] = ()
+    concepts: frozenset[str] = frozenset()
 
     @property
     def liftable(self) -> bool:
@@ -119,10 +124,28 @@ class _OntologyFile(msgspec.Struct, frozen=True):
 
 
 class Ontology(Mapping[str, Category]):
-    """Categories by name, in file (alphabetical) order."""
+    """Categories by name, in file (alphabetical) order.
 
-    def __init__(self, categories: tuple[Category, ...], provenance: str = "") -> None:
-        self._categories = {c.name: c for c in categories}
+    Attributes:
+        concepts: what people's words name among them: the table given, with the `words` and `concepts` that the
+            categories bring themselves.
+        provenance: where the affordances come from.
+        index: category -> its place in the order.
+    """
+
+    def __init__(
+        self, categories: tuple[Category, ...], provenance: str = "", concepts: Concepts | None = None
+    ) -> None:
+        table = concepts or default_concepts()
+        joining: dict[str, list[str]] = {}
+        for category in categories:
+            for name in sorted(category.concepts):
+                joining.setdefault(name, []).append(category.name)
+        words = {category.name: category.words for category in categories if category.words}
+        self.concepts = table.extended(words, joining) if words or joining else table
+        self._categories = {
+            c.name: msgspec.structs.replace(c, concepts=self.concepts.of_category(c.name)) for c in categories
+        }
         self.provenance = provenance
         self.index = {name: i for i, name in enumerate(self._categories)}
 

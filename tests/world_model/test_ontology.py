@@ -335,6 +335,7 @@ def test_whatever_an_activity_does_with_furniture_is_possible(ontology: Ontology
     [
         pytest.param("ontology", "ontology.json", marks=needs_bddl),
         pytest.param("evidence", "placement_evidence.json", marks=needs_bddl),
+        pytest.param("concepts", "concepts.json", marks=needs_bddl),
     ],
 )
 @pytest.mark.parametrize("hash_seed", ["0", "4242"])
