@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from gavel_env.envs.env import GavelEnv
     from gavel_env.envs.rewards import RewardWeights
     from gavel_env.envs.rl import SlotEnv
+    from gavel_env.envs.text_game import TextGame
     from gavel_env.envs.wrappers import FlatActions, PaddedGraph, TextActions
     from gavel_env.errors import GavelError
     from gavel_env.exchange import EnvAction, Observed
@@ -46,6 +47,7 @@ __all__ = [
     "SceneGraph",
     "SlotEnv",
     "TextActions",
+    "TextGame",
     "Violation",
     "ViolationKind",
     "export_pddl",
@@ -75,6 +77,7 @@ _HOME = {
     "SceneGraph": "world_model.graph",
     "SlotEnv": "envs.rl",
     "TextActions": "envs.wrappers",
+    "TextGame": "envs.text_game",
     "Violation": "world_model.dynamics",
     "ViolationKind": "world_model.dynamics",
     "export_pddl": "world_model.pddl",

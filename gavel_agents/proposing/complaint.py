@@ -1,7 +1,4 @@
-"""Complaint(I, G_0, {pi_i, omega_i}) of Algorithm 1: what a verdict says, structured, and in words for a retry.
-
-The only module that turns violations into prose.
-"""
+"""Complaint(I, G_0, {pi_i, omega_i}) of Algorithm 1: what a verdict says, structured, and in words for a retry."""
 
 from __future__ import annotations
 
@@ -11,9 +8,10 @@ import msgspec
 
 from gavel_agents.proposing.parse import ParsedPlans
 from gavel_env.world_model.actions import Action, Primitive
-from gavel_env.world_model.dynamics import Profile, Violation, ViolationKind
+from gavel_env.world_model.dynamics import Profile, Violation
 from gavel_env.world_model.goals import Condition, Goal, Literal
 from gavel_env.world_model.graph import Flag
+from gavel_env.world_model.narration import reason
 from gavel_env.world_model.verdict import Verdict
 
 __all__ = ["CONTRACTS", "Complaint", "complain", "complaint"]
@@ -30,26 +28,6 @@ CONTRACTS: Mapping[Primitive, str] = {
     Primitive.TOGGLE_OFF: "to be near it, and something with a switch",
 }
 """What each primitive needs."""
-
-_MISSING: Mapping[ViolationKind, str] = {
-    ViolationKind.UNKNOWN_OBJECT: "there is no {x}",
-    ViolationKind.ROOM_TARGET: "{x} is a room; name an object",
-    ViolationKind.HIDDEN: "{x} is inside {blocker}, which is closed",
-    ViolationKind.UNREACHABLE: "no way leads to {x}",
-    ViolationKind.NOT_FOUND: "{x} was not found anywhere",
-    ViolationKind.NOT_NEAR: "the robot is not near {x}",
-    ViolationKind.NOT_GRASPABLE: "{x} cannot be carried",
-    ViolationKind.HAND_FULL: "the hand already holds {blocker}",
-    ViolationKind.HAND_EMPTY: "the hand is empty",
-    ViolationKind.CLOSED: "{blocker} is closed",
-    ViolationKind.NO_SURFACE: "nothing can be put on top of {x}",
-    ViolationKind.NO_INTERIOR: "nothing can be put inside {x}",
-    ViolationKind.SELF_PLACEMENT: "{x} cannot be put on or in itself",
-    ViolationKind.CYCLE: "{x} is on or in {blocker}, which the hand holds",
-    ViolationKind.NO_DOOR: "{x} has no door",
-    ViolationKind.NO_SWITCH: "{x} has no switch",
-    ViolationKind.DOOR_OPEN: "the door of {x} is open",
-}
 
 
 class Complaint(msgspec.Struct, frozen=True):
@@ -116,7 +94,7 @@ def complaint(verdict: Verdict, task: int | None = None, profile: Profile = Prof
         needs = CONTRACTS[primitive]
         if profile is Profile.OMNIGIBSON and primitive >= Primitive.OPEN:
             needs += "; an empty hand"
-        missing = _MISSING[violation.kind].format(x=violation.subject, blocker=violation.blocker)
+        missing = reason(violation)
     return Complaint(
         task=task,
         plan=verdict.plan,

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from gavel_env.envs.env import GavelEnv
 from gavel_env.envs.spaces import NODE_COLUMNS, EdgeType, node_space
+from gavel_env.errors import MalformedAction
 from gavel_env.exchange import EnvAction
 from gavel_env.world_model.actions import Action, Primitive, parse_action
 from gavel_env.world_model.dynamics import first_violation
+from gavel_env.world_model.narration import commands, nearest_commands
 from gavel_env.world_model.ontology import default_ontology
 
 __all__ = ["FlatActions", "PaddedGraph", "TextActions"]
@@ -32,7 +34,11 @@ def _base(env: gym.Env[Any, Any]) -> GavelEnv:
 
 
 class TextActions(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
-    """Takes actions as text: `NAVIGATE_TO(fridge)`, or whatever else `parse_action` reads."""
+    """Takes actions as text: `NAVIGATE_TO(fridge)`, or whatever else `parse_action` reads.
+
+    A text that is no action is refused as one on an unknown object; `info["refusal"]` then says what is wrong with it,
+    and `info["nearest_commands"]` which commands look like it.
+    """
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         RecordConstructorArgs.__init__(self)
@@ -41,13 +47,17 @@ class TextActions(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         self.action_space = spaces.Text(max_length=256, min_length=1, charset=string.printable)
 
     def step(self, action: str) -> _Step:
-        """Run the action that a text says.
-
-        Raises:
-            MalformedAction: the text is no action of the nine primitives.
-        """
-        observation, reward, terminated, truncated, info = self.env.step(EnvAction.of(parse_action(action)))
-        return observation, float(reward), terminated, truncated, info
+        """Run the action that a text says."""
+        said: dict[str, Any] = {}
+        try:
+            sent = EnvAction.of(parse_action(action))
+        except MalformedAction as error:
+            base = _base(self.env)
+            known = commands(base.observed.graph, base.profile)
+            said = {"refusal": str(error), "nearest_commands": nearest_commands(action, known)}
+            sent = EnvAction(Primitive.NAVIGATE_TO, "")
+        observation, reward, terminated, truncated, info = self.env.step(sent)
+        return observation, float(reward), terminated, truncated, {**info, **said}
 
 
 class FlatActions(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):

@@ -47,7 +47,7 @@ def test_plain_ppo_takes_it_as_it_is() -> None:
     model = stable_baselines3.PPO("MlpPolicy", "Gavel-RL-v0", n_steps=64, batch_size=64, device="cpu").learn(128)
     observation, _ = gym.make("Gavel-RL-v0").reset(seed=0)
     assert 0 <= int(model.predict(observation)[0]) < 72
-    envs = SubprocVecEnv([lambda: gym.make("Gavel-RL-v0")] * 2)
+    envs = SubprocVecEnv([lambda: gym.make("gavel_env:Gavel-RL-v0")] * 2)
     try:
         assert envs.reset().shape == (2, *envs.observation_space.shape)
         assert len(envs.env_method("action_masks")) == 2
