@@ -6,6 +6,8 @@ import difflib
 from collections.abc import Iterable
 
 __all__ = [
+    "AgentNameTaken",
+    "BadOption",
     "DataError",
     "GavelError",
     "InstructionError",
@@ -17,6 +19,7 @@ __all__ = [
     "UnknownConcept",
     "UnknownInstruction",
     "UnknownObject",
+    "UnknownOption",
     "UnknownScene",
     "nearest_names",
 ]
@@ -104,3 +107,17 @@ class UnknownAgent(_UnknownName):
     """No agent of this name is registered."""
 
     what = "agent"
+
+
+class UnknownOption(_UnknownName):
+    """Nothing takes an option of this name."""
+
+    what = "option"
+
+
+class BadOption(GavelError):
+    """An option has a value that it cannot have, or one that is needed is missing."""
+
+
+class AgentNameTaken(GavelError):
+    """Another agent is registered under this name."""

@@ -22,7 +22,6 @@ from gavel_agents.llm import ChatModel, load_model, tell
 from gavel_agents.understanding import Understanding, load_understanding
 from gavel_env.errors import GavelError
 from gavel_env.instructions.record import Instruction
-from gavel_env.world_model.dynamics import Profile
 from gavel_env.world_model.goals import unmet
 
 if TYPE_CHECKING:
@@ -126,9 +125,9 @@ class Rig:
         return gavel_agents.make(
             contestant.agent,
             understanding=self._understanding(contestant, instruction),
-            model=self._model(contestant.planner),
+            planner=self._model(contestant.planner),
             prior=contestant.prior or "choice",
-            profile=Profile(self.settings.profile),
+            profile=self.settings.profile,
             seed=seed,
         )
 

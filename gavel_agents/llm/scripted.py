@@ -15,7 +15,7 @@ import msgspec
 from gavel_agents.llm.interface import Completion, Prompt
 from gavel_env.errors import DataError, UnknownInstruction
 from gavel_env.instructions.lookup import InstructionLookup
-from gavel_env.instructions.record import Instruction, read_instructions, shipped
+from gavel_env.instructions.record import Instruction, shipped_instructions
 
 __all__ = ["ScriptedModel"]
 
@@ -81,5 +81,4 @@ class ScriptedModel:
 
 @cache
 def _shipped_records() -> InstructionLookup:
-    files = ("single", "multi", "behavior")
-    return InstructionLookup(record for file in files for record in read_instructions(shipped(file)).values())
+    return InstructionLookup(shipped_instructions())

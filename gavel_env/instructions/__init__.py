@@ -8,6 +8,16 @@ from gavel_env.instructions.record import (
     TaskSpec,
     read_instructions,
     shipped,
+    shipped_instructions,
 )
 
-__all__ = ["Instruction", "InstructionSet", "Placement", "Rejected", "TaskSpec", "read_instructions", "shipped"]
+__all__ = [
+    "Instruction",
+    "InstructionSet",
+    "Placement",
+    "Rejected",
+    "TaskSpec",
+    "read_instructions",
+    "shipped",
+    "shipped_instructions",
+]

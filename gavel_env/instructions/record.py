@@ -19,7 +19,16 @@ from gavel_env.world_model.actions import Action, parse_action
 from gavel_env.world_model.conditions import Formula
 from gavel_env.world_model.goals import Goal, parse_goal
 
-__all__ = ["Instruction", "InstructionSet", "Placement", "Rejected", "TaskSpec", "read_instructions", "shipped"]
+__all__ = [
+    "Instruction",
+    "InstructionSet",
+    "Placement",
+    "Rejected",
+    "TaskSpec",
+    "read_instructions",
+    "shipped",
+    "shipped_instructions",
+]
 
 
 class Placement(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -189,6 +198,12 @@ def read_instructions(path: str | Path) -> InstructionSet:
         first = f"; line {rejected[0].line}: {rejected[0].reason}" if rejected else ""
         raise InstructionError(f"instruction file {path} holds no instruction{first}")
     return InstructionSet(records.values(), rejected, hashlib.sha256(content).hexdigest()[:16], str(path))
+
+
+def shipped_instructions() -> Iterator[Instruction]:
+    """Yield the instructions of every benchmark: `single`, `multi` and `behavior`."""
+    for name in ("single", "multi", "behavior"):
+        yield from read_instructions(shipped(name)).values()
 
 
 def shipped(name: str) -> Path:

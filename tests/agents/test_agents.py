@@ -14,7 +14,7 @@ from gavel_agents.llm.reference import ReferencePlans
 from gavel_agents.methods import METHODS
 from gavel_agents.pipeline import PlanningAgent
 from gavel_agents.understanding import ReferenceUnderstanding
-from gavel_env.errors import UnknownAgent
+from gavel_env.errors import AgentNameTaken, UnknownAgent
 from gavel_env.exchange import EnvAction
 from gavel_env.instructions.record import Instruction, read_instructions, shipped
 from gavel_env.world_model.goals import parse_goal
@@ -217,5 +217,5 @@ def test_an_agent_of_ones_own_is_plugged_in_by_name() -> None:
     gavel_agents.register("idle", lambda **options: Idle())
     assert "idle" in gavel_agents.agent_names()
     assert isinstance(gavel_agents.make("idle", model=None), gavel_agents.Agent)
-    with pytest.raises(ValueError, match="registered already"):
+    with pytest.raises(AgentNameTaken, match="registered already"):
         gavel_agents.register("idle", lambda **options: Idle())
