@@ -1,1 +1,23 @@
-"""Evaluation: steps agents through environments; owns records, tables, figures, reports and the command line."""
+"""Evaluation: steps agents through environments; owns records, tables, figures, reports and the command line.
+
+`eval.evaluate(...)` runs agents over instructions and returns `eval.Results`. The same package is importable as
+`gavel_eval`, for scripts in folders that hold an `eval.py` of their own.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from eval.api import Results, evaluate
+
+__all__ = ["Results", "evaluate"]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name on first use, so that the command line starts fast."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from eval import api
+
+    return getattr(api, name)

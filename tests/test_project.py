@@ -49,7 +49,7 @@ def test_house_order_of_imports() -> None:
 
 def test_python_dash_m_eval_is_the_console_script() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    assert project["scripts"]["gavel"] == "eval.cli:main"
+    assert project["scripts"]["gavel"] == "gavel_eval:main"
     result = run_python("-m", "eval", "--help")
     assert result.returncode == 0
     assert "scenes" in result.stdout
