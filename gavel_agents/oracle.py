@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gavel_agents.agent import AgentTrace, TaskTrace, stage
+from gavel_env.errors import ResetNeeded
 from gavel_env.exchange import EnvAction
 from gavel_env.sim.episode import Privileged
 from gavel_env.world_model.actions import Action, Primitive
@@ -82,10 +83,10 @@ class OracleAgent:
         """Order the reference plans by the metres they really take.
 
         Raises:
-            RuntimeError: `reveal` has not been called for this episode.
+            ResetNeeded: `reveal` has not been called for this episode.
         """
         if self._state is None or self._state.instruction.id != info["instruction_id"]:
-            raise RuntimeError("the oracle needs reveal(env) after env.reset(...) and before its own reset(...)")
+            raise ResetNeeded("the oracle needs reveal(env) after env.reset(...) and before its own reset(...)")
         state = self._state
         self.trace = AgentTrace()
         plans = [task.parsed_plan() for task in state.instruction.tasks]

@@ -5,22 +5,42 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+from gymnasium import error
+
 __all__ = [
+    "ResetNeeded",
     "AgentNameTaken",
+    "BadAction",
+    "BadEnvironmentOption",
     "BadOption",
+    "BadPlannerSpec",
+    "BadPlugin",
+    "BadRobotConfig",
+    "BadSearchPrior",
     "DataError",
     "GavelError",
     "InstructionError",
     "MalformedAction",
     "MalformedGoal",
+    "ModelError",
+    "NotInstalled",
+    "NotRecorded",
+    "PddlNameError",
     "SceneError",
+    "TooManyNodes",
+    "Ungroundable",
+    "UnknownActivity",
     "UnknownAgent",
     "UnknownCategory",
     "UnknownConcept",
     "UnknownInstruction",
+    "UnknownLevel",
     "UnknownObject",
     "UnknownOption",
+    "UnknownPrior",
     "UnknownScene",
+    "UnknownUnderstanding",
+    "WorkerFailed",
     "nearest_names",
 ]
 
@@ -115,9 +135,92 @@ class UnknownOption(_UnknownName):
     what = "option"
 
 
+class ResetNeeded(GavelError, error.ResetNeeded):
+    """`step`, `act` or `render` came before `reset`."""
+
+
 class BadOption(GavelError):
     """An option has a value that it cannot have, or one that is needed is missing."""
 
 
 class AgentNameTaken(GavelError):
     """Another agent is registered under this name."""
+
+
+# --- what the world model, the house and the environments read ------------------------------------------------------
+
+
+class BadEnvironmentOption(GavelError):
+    """An argument of the environment, or an option of `reset`, has a value that it cannot have."""
+
+
+class TooManyNodes(GavelError):
+    """A scene has more rooms or objects than the spaces hold."""
+
+
+class BadAction(GavelError):
+    """An action that the action space cannot say, or that has not its form."""
+
+
+class BadSearchPrior(GavelError):
+    """A search prior has a weight that is negative or not a number."""
+
+
+class BadRobotConfig(GavelError):
+    """A field of the robot configuration has a value that no robot can have."""
+
+
+class PddlNameError(GavelError):
+    """An object or room has a name that PDDL cannot write."""
+
+
+class UnknownLevel(GavelError):
+    """No level has this name."""
+
+
+class UnknownActivity(GavelError):
+    """BEHAVIOR has no activity of this name."""
+
+
+class Ungroundable(GavelError):
+    """An activity does not fit a scene; the message says what is missing."""
+
+
+# --- what agents are made of ----------------------------------------------------------------------------------------
+
+
+class UnknownUnderstanding(GavelError):
+    """No task understanding of this name is there, or it lacks what it needs."""
+
+
+class UnknownPrior(_UnknownName):
+    """No location prior of this name exists."""
+
+    what = "prior"
+
+
+class BadPlannerSpec(GavelError):
+    """A planner spec of unknown kind, or without what its kind needs."""
+
+
+class ModelError(GavelError):
+    """A model did not answer: not reachable, not known, not allowed, or nothing but nonsense."""
+
+
+class NotRecorded(GavelError):
+    """A prompt is not in the recording."""
+
+
+# --- how things are run ---------------------------------------------------------------------------------------------
+
+
+class NotInstalled(GavelError):
+    """An optional package, or what it needs, is not installed; the message says how to install it."""
+
+
+class BadPlugin(GavelError):
+    """A module that should register agents cannot be imported."""
+
+
+class WorkerFailed(GavelError):
+    """Worker processes cannot start."""

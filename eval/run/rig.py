@@ -20,7 +20,7 @@ from eval.run.episodes import EnvironmentSettings, Episode, classify, step_recor
 from gavel_agents.agent import Agent, AgentTrace, Privileged
 from gavel_agents.llm import ChatModel, load_model, tell
 from gavel_agents.understanding import Understanding, load_understanding
-from gavel_env.errors import GavelError
+from gavel_env.errors import BadPlugin, GavelError
 from gavel_env.instructions.record import Instruction
 from gavel_env.world_model.goals import unmet
 
@@ -33,10 +33,6 @@ __all__ = [
     "Rig",
     "import_plugins",
 ]
-
-
-class BadPlugin(GavelError):
-    """A module that should register agents cannot be imported."""
 
 
 def import_plugins(plugins: Sequence[str]) -> None:

@@ -18,17 +18,13 @@ from typing import Any
 from eval.records.schema import EpisodeRecord
 from eval.run.episodes import EnvironmentSettings, Episode
 from eval.run.rig import Rig
-from gavel_env.errors import GavelError
+from gavel_env.errors import GavelError, WorkerFailed
 
 __all__ = ["WorkerFailed", "run_episodes"]
 
 _STARTS_WITHOUT_AN_EPISODE = 3
 _GRACE_S = 2.0
 """A worker ends an overdue episode itself between two actions; one that has not done so by then hangs."""
-
-
-class WorkerFailed(GavelError):
-    """Worker processes cannot start."""
 
 
 def run_episodes(

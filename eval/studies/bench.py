@@ -20,18 +20,14 @@ from functools import cache, partial
 from itertools import islice
 from typing import Any, NamedTuple
 
-from gavel_env.errors import GavelError
+from gavel_env.errors import NotInstalled
 from gavel_env.exchange import EnvAction
 from gavel_env.instructions.record import Instruction, InstructionSet, read_instructions, shipped
 from gavel_env.world_model.actions import Action, Primitive
 
-__all__ = ["MEASUREMENTS", "Measured", "Measurement", "NotHere", "main", "measure"]
+__all__ = ["MEASUREMENTS", "Measured", "Measurement", "NotInstalled", "main", "measure"]
 
 Samples = Iterator[float]
-
-
-class NotHere(GavelError):
-    """A measurement needs something that is not installed or not shipped."""
 
 
 class Measurement(NamedTuple):
@@ -81,7 +77,7 @@ def measure(measurement: Measurement) -> Measured:
     name, unit, target, samples = measurement
     try:
         found = list(samples())
-    except NotHere as error:
+    except NotInstalled as error:
         return Measured(name, unit, target, None, 0, str(error))
     return Measured(name, unit, target, _SCALE[unit](statistics.median(found)), len(found))
 
@@ -202,7 +198,7 @@ def _minigrid() -> Samples:
     try:
         import minigrid  # noqa: F401  (registers its environments)
     except ImportError:
-        raise NotHere("minigrid is not installed; the extra [dev] has it") from None
+        raise NotInstalled("minigrid is not installed; the extra [dev] has it") from None
     env: Any = gym.make("MiniGrid-DoorKey-8x8-v0", disable_env_checker=True)
     env.action_space.seed(0)
     env.reset(seed=0)
@@ -267,7 +263,7 @@ def _planners(belief: str) -> Iterator[tuple[Any, dict[str, Any], Any]]:
 
     chosen = [i for i in _instructions("multi").values() if len(i.tasks) == 5]
     if not chosen:
-        raise NotHere("no shipped instruction has five tasks")
+        raise NotInstalled("no shipped instruction has five tasks")
     env, _ = _make("symbolic")
     for instruction in islice(chosen, 20):
         info = _reset(env, instruction)

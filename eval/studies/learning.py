@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import gavel_env  # noqa: F401  # registers the environments
 from gavel_env.envs.levels import LEVELS, LevelSplit
-from gavel_env.errors import GavelError
+from gavel_env.errors import NotInstalled
 
 __all__ = ["Learned", "Policy", "main", "masked_random", "solved_share", "train"]
 
@@ -25,10 +25,6 @@ Policy = Callable[[NDArray[np.float32], NDArray[np.bool_]], int]
 """From an observation and its mask to an action."""
 
 _ENVS, _ROLLOUT, _WINDOW = 8, 128, 100
-
-
-class NotInstalled(GavelError):
-    """A library of an extra is not installed."""
 
 
 class Learned(NamedTuple):

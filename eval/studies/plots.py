@@ -7,26 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from gavel_env.errors import GavelError
+from gavel_env.errors import NotInstalled
 
-__all__ = ["PlotsNotInstalled", "figure", "fitted_exponent"]
-
-
-class PlotsNotInstalled(GavelError):
-    """matplotlib is not installed."""
+__all__ = ["NotInstalled", "figure", "fitted_exponent"]
 
 
 def figure(columns: int = 1, rows: int = 1) -> tuple[Any, Any]:
     """Return a new figure and its axes.
 
     Raises:
-        PlotsNotInstalled: the extra is missing.
+        NotInstalled: the extra is missing.
     """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise PlotsNotInstalled("matplotlib is not installed; pip install 'gavel-env[plots]'") from error
+        raise NotInstalled("matplotlib is not installed; pip install 'gavel-env[plots]'") from error
     drawing = Figure(figsize=(5.4 * columns, 3.4 * rows), dpi=110, layout="constrained")
     FigureCanvasAgg(drawing)
     axes = drawing.subplots(rows, columns, squeeze=False)

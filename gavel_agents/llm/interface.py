@@ -10,7 +10,7 @@ from urllib.parse import parse_qsl
 
 import msgspec
 
-from gavel_env.errors import GavelError, nearest_names
+from gavel_env.errors import BadPlannerSpec, nearest_names
 from gavel_env.instructions.lookup import About
 from gavel_env.instructions.record import Instruction
 
@@ -27,10 +27,6 @@ __all__ = [
     "spec_options",
     "tell",
 ]
-
-
-class BadPlannerSpec(GavelError):
-    """A planner spec of unknown kind, or without what its kind needs."""
 
 
 class Message(msgspec.Struct, frozen=True):

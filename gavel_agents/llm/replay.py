@@ -18,17 +18,13 @@ from typing import Any
 import msgspec
 
 from gavel_agents.llm.interface import ChatModel, Completion, Message, Prompt, decoding_of
-from gavel_env.errors import DataError, GavelError
+from gavel_env.errors import DataError, NotRecorded
 
 __all__ = ["NotRecorded", "Recorded", "RecordingModel", "ReplayModel", "completion_key", "read_recording"]
 
 
 RECORDINGS = Path(str(resources.files("envs_data") / "recordings"))
 """Folder of the shipped recordings and of the index that says what they are of."""
-
-
-class NotRecorded(GavelError):
-    """A prompt is not in the recording."""
 
 
 class Recorded(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -10,15 +10,11 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt
-from gavel_env.errors import GavelError
+from gavel_env.errors import ModelError
 
 __all__ = ["Endpoint", "MalformedAnswer", "ModelError", "Retries", "complete_all", "endpoint_of", "key_of", "retried"]
 
 _CONCURRENT = 8
-
-
-class ModelError(GavelError):
-    """A model did not answer: not reachable, not known, not allowed, or nothing but nonsense."""
 
 
 class MalformedAnswer(Exception):

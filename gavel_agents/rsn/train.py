@@ -32,13 +32,13 @@ from gavel_agents.rsn.encoder import PhraseTable
 from gavel_agents.rsn.folds import FOLD_SEED, FOLDS, HeldOut
 from gavel_agents.rsn.model import HIDDEN, RsnModel
 from gavel_agents.rsn.optimise import minimise
-from gavel_env.errors import GavelError
+from gavel_env.errors import NotInstalled
 from gavel_env.world_model.ontology import default_ontology
 
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["TorchMissing", "build_table", "fit_rsn", "held_out_scores", "train"]
+__all__ = ["NotInstalled", "build_table", "fit_rsn", "held_out_scores", "train"]
 
 EPOCHS = 400
 LEARNING_RATE = 1e-3
@@ -49,15 +49,11 @@ CALIBRATION_PART = 6
 Floats = NDArray[np.float64]
 
 
-class TorchMissing(GavelError):
-    """Training the RSN needs torch, which is not installed."""
-
-
 def build_table(contents: Contents, encoder: str) -> PhraseTable:
     """Embed every category of the ontology and of the scenes, and every room type.
 
     Raises:
-        EncoderUnavailable: the encoder cannot be had.
+        NotInstalled: the encoder cannot be had.
     """
     names = {*default_ontology(), *known_categories(contents), *room_types(contents, contents.scenes)}
     return PhraseTable.build(names, encoder)
@@ -76,7 +72,7 @@ def fit_rsn(
         seed: of initial weights, dropout and the choice of the calibration houses.
 
     Raises:
-        TorchMissing: torch is not installed.
+        NotInstalled: torch is not installed.
     """
     types = room_types(contents, scenes)
     houses = sorted({house_of(s) for s in scenes})
@@ -92,7 +88,7 @@ def _fit_layers(contents: Contents, scenes: Sequence[str], categories: Sequence[
                 table: PhraseTable, seed: int) -> tuple[tuple[Floats, Floats], ...]:  # fmt: skip
     """Minimise the weighted BCE and return the linear layers."""
     if importlib.util.find_spec("torch") is None:
-        raise TorchMissing("training the RSN needs torch: pip install torch (the shipped weights need none)")
+        raise NotInstalled("training the RSN needs torch: pip install torch (the shipped weights need none)")
     import torch
     from torch import nn
     from torch.nn.functional import logsigmoid
@@ -174,8 +170,8 @@ def train(out: Path, encoder: str, seed: int, folds: bool) -> list[str]:
         folds: also train the RSN's evaluation models and write their held-out scores.
 
     Raises:
-        EncoderUnavailable: the encoder cannot be had.
-        TorchMissing: torch is not installed.
+        NotInstalled: the encoder cannot be had.
+        NotInstalled: torch is not installed.
     """
     out.mkdir(parents=True, exist_ok=True)
     contents = load_contents()

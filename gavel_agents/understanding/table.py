@@ -12,7 +12,7 @@ from gavel_agents.understanding.interface import Understanding
 from gavel_agents.understanding.model import ModelUnderstanding
 from gavel_agents.understanding.reference import ReferenceUnderstanding
 from gavel_agents.understanding.rules import RulesUnderstanding
-from gavel_env.errors import DataError, GavelError, nearest_names
+from gavel_env.errors import DataError, UnknownUnderstanding, nearest_names
 from gavel_env.instructions.record import Instruction
 
 __all__ = ["SHIPPED_ADAPTER", "UNDERSTANDINGS", "UnknownUnderstanding", "load_understanding"]
@@ -23,10 +23,6 @@ UNDERSTANDINGS = ("reference", "rules", "adapter", "llm")
 SHIPPED_ADAPTER = Path(__file__).parent / "adapter"
 
 _MOST_TOKENS = 500  # of an answer; five tasks take about 250
-
-
-class UnknownUnderstanding(GavelError):
-    """No task understanding of this name is there, or it lacks what it needs."""
 
 
 def load_understanding(

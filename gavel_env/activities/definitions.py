@@ -10,15 +10,11 @@ from pathlib import Path
 import msgspec
 
 from gavel_env.activities.bddl import Problem, parse_problem
-from gavel_env.errors import DataError, GavelError, nearest_names
+from gavel_env.errors import DataError, UnknownActivity, nearest_names
 
 __all__ = ["FORMAT", "Activities", "Activity", "UnknownActivity", "load_activities"]
 
 FORMAT = "gavel-activities/1"
-
-
-class UnknownActivity(GavelError):
-    """BEHAVIOR has no activity of this name."""
 
 
 class Activity(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from gavel_env.activities.bddl import Node, Problem, synset_of
 from gavel_env.activities.definitions import Activities
-from gavel_env.errors import GavelError
+from gavel_env.errors import Ungroundable
 from gavel_env.house.scenes import Scene
 from gavel_env.world_model.ontology import Category, Ontology
 
@@ -24,10 +24,6 @@ GROUND = frozenset({"driveway.n.01", "floor.n.01", "lawn.n.01", "paving_stone.n.
 
 BUILDING = frozenset({"ceiling.n.01", "door.n.01", "wall.n.01", "wall_nail.n.01", "rail_fence.n.01"})
 """Parts of a building that scenes do not have as pieces; they stand for nothing and need nothing."""
-
-
-class Ungroundable(GavelError):
-    """An activity does not fit a scene; the message says what is missing."""
 
 
 class Roles(NamedTuple):

@@ -10,17 +10,13 @@ from gymnasium import spaces
 
 from gavel_env.envs.graph_encoder import GraphEncoder
 from gavel_env.envs.spaces import MAX_ROOMS
-from gavel_env.errors import GavelError, nearest_names
+from gavel_env.errors import BadAction, nearest_names
 from gavel_env.exchange import EnvAction
 from gavel_env.world_model.actions import Primitive
 from gavel_env.world_model.goals import Designator
 from gavel_env.world_model.ontology import Ontology
 
 __all__ = ["ActionCodec", "BadAction", "Decoded"]
-
-
-class BadAction(GavelError):
-    """An action that the action space cannot say, or that has not its form."""
 
 
 class Decoded(NamedTuple):

@@ -12,7 +12,7 @@ from gavel_env.envs.action_codec import ActionCodec
 from gavel_env.envs.graph_encoder import GraphEncoder
 from gavel_env.envs.rewards import RewardWeights
 from gavel_env.envs.spaces import INSTRUCTION_CHARACTERS, MAX_INSTRUCTION, observation_space
-from gavel_env.errors import GavelError, InstructionError, UnknownInstruction
+from gavel_env.errors import BadEnvironmentOption, InstructionError, ResetNeeded, UnknownInstruction
 from gavel_env.exchange import EnvAction, Observed
 from gavel_env.house.robot_config import DEFAULT_ROBOT, RobotConfig
 from gavel_env.instructions.record import Instruction, parse_instruction
@@ -27,10 +27,6 @@ if TYPE_CHECKING:
 __all__ = ["BadEnvironmentOption", "GavelEnv"]
 
 Observation = dict[str, Any]
-
-
-class BadEnvironmentOption(GavelError):
-    """An argument of the environment, or an option of `reset`, has a value that it cannot have."""
 
 
 class GavelEnv(gym.Env[Observation, Any]):
@@ -349,7 +345,7 @@ class GavelEnv(gym.Env[Observation, Any]):
 
     def _started(self) -> Episode:
         if self._episode is None:
-            raise BadEnvironmentOption("the environment has not been reset; call reset() first")
+            raise ResetNeeded("the environment has not been reset; call reset() first")
         return self._episode
 
     def _running(self) -> Episode:

@@ -7,16 +7,12 @@ from typing import Literal
 
 import msgspec
 
-from gavel_env.errors import GavelError, nearest_names
+from gavel_env.errors import UnknownLevel, nearest_names
 from gavel_env.instructions.record import Instruction, read_instructions, shipped
 
 __all__ = ["LEVELS", "Level", "LevelSplit", "UnknownLevel", "level_instructions"]
 
 LevelSplit = Literal["train", "test"]
-
-
-class UnknownLevel(GavelError):
-    """No level has this name."""
 
 
 class Level(msgspec.Struct, frozen=True, kw_only=True):

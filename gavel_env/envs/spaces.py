@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from gavel_env.errors import GavelError
+from gavel_env.errors import TooManyNodes
 from gavel_env.world_model.dynamics import ViolationKind
 from gavel_env.world_model.graph import Flag
 
@@ -59,10 +59,6 @@ ROOM_TYPES = tuple(_ROOM_TYPES.split())
 """The 39 room types of BEHAVIOR-1K's scenes (bddl 3.6.0)."""
 
 OUTCOMES = ("", "ok", *(kind.value for kind in ViolationKind))
-
-
-class TooManyNodes(GavelError):
-    """A scene has more rooms or objects than the spaces hold."""
 
 
 class NodeKind(enum.IntEnum):

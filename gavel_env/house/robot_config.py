@@ -10,13 +10,9 @@ import math
 
 import msgspec
 
-from gavel_env.errors import GavelError
+from gavel_env.errors import BadRobotConfig
 
 __all__ = ["DEFAULT_ROBOT", "BadRobotConfig", "RobotConfig"]
-
-
-class BadRobotConfig(GavelError):
-    """A field of the robot configuration has a value that no robot can have."""
 
 
 class RobotConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

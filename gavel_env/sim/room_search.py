@@ -13,17 +13,13 @@ from collections.abc import Collection, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from gavel_env.errors import GavelError, UnknownObject
+from gavel_env.errors import BadSearchPrior, UnknownObject
 from gavel_env.house.floor_map import FloorMap, Indices, Route
 from gavel_env.sim.sensor import Sensor
 
 __all__ = ["BadSearchPrior", "RoomSearch", "check_search_prior", "next_room"]
 
 _FRONTIER_M = 1.0  # how close the robot goes to a frontier, if it can
-
-
-class BadSearchPrior(GavelError):
-    """A search prior has a weight that is negative or not a number."""
 
 
 def check_search_prior(floor: FloorMap, prior: Mapping[str, float]) -> None:

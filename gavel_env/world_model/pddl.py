@@ -18,7 +18,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from gavel_env.errors import GavelError
+from gavel_env.errors import PddlNameError
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile
 from gavel_env.world_model.graph import Flag, Relation, SceneGraph
@@ -46,10 +46,6 @@ _ARITIES = {
     "as-exported": 0,
     "at": 1,
 } | {flag.name.lower(): 1 for flag in Flag}
-
-
-class PddlNameError(GavelError):
-    """An object or room has a name that PDDL cannot write."""
 
 
 class PddlTask(NamedTuple):

@@ -13,7 +13,7 @@ from support.houses import FILE, INSTRUCTIONS, make, start, steps
 from gavel_env.envs.action_codec import BadAction
 from gavel_env.envs.env import BadEnvironmentOption, GavelEnv
 from gavel_env.envs.spaces import TooManyNodes
-from gavel_env.errors import GavelError, InstructionError, UnknownInstruction, UnknownScene
+from gavel_env.errors import GavelError, InstructionError, ResetNeeded, UnknownInstruction, UnknownScene
 from gavel_env.exchange import EnvAction
 from gavel_env.house.robot_config import RobotConfig
 from gavel_env.world_model.actions import Primitive
@@ -49,7 +49,7 @@ def test_an_environment_goes_on_after_a_bad_record() -> None:
     env = make()
     with pytest.raises(InstructionError):
         env.reset(options={"instruction": RECORD | {"tasks": []}})
-    with pytest.raises(BadEnvironmentOption, match="call reset"):
+    with pytest.raises(ResetNeeded, match="call reset"):
         env.unwrapped.step(EnvAction(Primitive.RELEASE))
     assert env.reset(seed=1)[1]["instruction_id"] in INSTRUCTIONS
 
@@ -160,3 +160,11 @@ def test_unknown_names_are_a_violation_not_an_error() -> None:
     assert steps(start("rs_apple_to_table"), "NAVIGATE_TO(frige)")[-1]["outcome"] == "unknown_object"
     assert steps(start("rs_apple_to_table"), "NAVIGATE_TO(@)")[-1]["outcome"] == "unknown_object"
     assert steps(start("rs_apple_to_table"), "NAVIGATE_TO(kitchen_0)")[-1]["outcome"] == "room_target"
+
+
+def test_stepping_before_reset_is_gymnasiums_error_and_this_projects() -> None:
+    world: Any = make()
+    for call in (lambda: world.unwrapped.step(EnvAction(Primitive.RELEASE)), world.unwrapped.judge):
+        with pytest.raises(gym.error.ResetNeeded, match=r"call reset\(\) first") as raised:
+            call()
+        assert isinstance(raised.value, GavelError)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from eval.studies.bench import MEASUREMENTS, Measurement, NotHere, main, measure
+from eval.studies.bench import MEASUREMENTS, Measurement, NotInstalled, main, measure
 
 
 def test_times_are_to_be_at_most_and_rates_at_least() -> None:
@@ -28,7 +28,7 @@ def test_times_are_to_be_at_most_and_rates_at_least() -> None:
 
 def test_what_cannot_be_measured_says_why() -> None:
     def nothing() -> Iterator[float]:
-        raise NotHere("minigrid is not installed")
+        raise NotInstalled("minigrid is not installed")
         yield 0.0
 
     found = measure(Measurement("x", "ms", 1.0, nothing))

