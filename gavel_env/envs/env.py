@@ -351,7 +351,7 @@ class GavelEnv(gym.Env[Observation, Any]):
     def _running(self) -> Episode:
         episode = self._started()
         if self._over:
-            raise BadEnvironmentOption("the episode is over; call reset() to begin another")
+            raise ResetNeeded("the episode is over; call reset() to begin another")
         return episode
 
 

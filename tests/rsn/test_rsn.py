@@ -286,7 +286,7 @@ def test_unknown_phrase_goes_to_the_encoder_where_there_is_one(table: PhraseTabl
 
 
 def test_errors_name_the_alternatives() -> None:
-    with pytest.raises(UnknownPrior, match="choice, rsn, uniform"):
+    with pytest.raises(UnknownPrior, match="'choise'; did you mean 'choice'"):
         load_prior("choise")
     with pytest.raises(ValueError, match="at least one room"):
         load_prior("choice")("apple", [])
