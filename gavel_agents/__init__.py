@@ -184,6 +184,10 @@ def _planning_agent(
     config = METHODS[name]
     if isinstance(planner, str):
         planner = load_model(planner)
+    if config.source == "classical":
+        from gavel_agents.classical.planner import ClassicalPlanner
+
+        planner = planner if isinstance(planner, ClassicalPlanner) else ClassicalPlanner()
     if config.source == "model" and planner is None:
         raise BadOption(f"agent {name!r} asks a language model: make({name!r}, planner='openai:MODEL@URL')")
     if understanding is None:

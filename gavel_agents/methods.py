@@ -1,6 +1,7 @@
-"""The methods of the comparison: one pipeline, seven configurations (Sec. "Compared Methods").
+"""The methods of the comparison: one pipeline, eight configurations (Sec. "Compared Methods").
 
-`oracle` is the eighth; it plans nothing and is a class of its own.
+`llm+p` is the baseline of the paper's related work (Liu et al., 2023): what was understood goes to a classical planner.
+`oracle` is the ninth; it plans nothing and is a class of its own.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ class MethodConfig(msgspec.Struct, frozen=True, kw_only=True):
     """What distinguishes a method.
 
     Attributes:
-        source: where plans come from: proposals of the language model, or graph edits from the goal alone.
+        source: where plans come from: proposals of the language model, a classical planner, or graph edits from the
+            goal alone.
         attempts: T, calls of the language model at most (0 for graph edits).
         feedback: return unresolved verdicts to the model.
         repair: apply model-derived edits to a proposal.
@@ -25,7 +27,7 @@ class MethodConfig(msgspec.Struct, frozen=True, kw_only=True):
         belief: what the cost model sees: nothing, the most likely room, or the full distribution.
     """
 
-    source: Literal["model", "edits"] = "model"
+    source: Literal["model", "classical", "edits"] = "model"
     attempts: int = 1
     feedback: bool = False
     repair: bool = False
@@ -38,6 +40,7 @@ MAX_ATTEMPTS = 5
 METHODS: Mapping[str, MethodConfig] = {
     "llm-only": MethodConfig(),
     "sayplan": MethodConfig(attempts=MAX_ATTEMPTS, feedback=True),
+    "llm+p": MethodConfig(source="classical"),
     "epog": MethodConfig(source="edits", attempts=0, order="once", belief="argmax"),
     "gavel-basic": MethodConfig(repair=True),
     "gavel-map": MethodConfig(attempts=MAX_ATTEMPTS, feedback=True, repair=True, order="once", belief="argmax"),

@@ -44,7 +44,8 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="SPEC",
-        help="language model, such as scripted:FILE.jsonl, or multi=SPEC for one kind; repeatable",
+        help="language model, such as scripted:FILE.jsonl, or classical, or multi=SPEC for one kind; repeatable "
+        "(default: the shipped ones; with another understanding than reference: classical)",
     )
     what.add_argument(
         "--understanding", default="reference", metavar="NAME", help="reference (default), rules, adapter or llm"
@@ -120,7 +121,9 @@ def _eval(arguments: argparse.Namespace) -> int:
     import_plugins(arguments.plugin)
     settings = EnvironmentSettings(profile=arguments.profile, max_steps=arguments.max_steps)
     kind = arguments.kind or ("both" if arguments.instructions is None else None)
-    planners = arguments.planner or (default_planners(_KINDS[kind]) if arguments.instructions is None and kind else ())
+    planners = tuple(arguments.planner)
+    if not planners and (arguments.instructions is None or arguments.understanding != "reference"):
+        planners = default_planners(_KINDS[kind] if kind else (), arguments.understanding)
     contestants = choose(
         arguments.agents or default_agents(planners),
         settings,

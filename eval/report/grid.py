@@ -20,6 +20,7 @@ _MARKS = {
     "privileged": ("†", "sees the hidden state"),
     "scripted": ("§", "planner answers from a file of scripted completions; no language model ran"),
     "reference": ("¶", "planner answers with the certified reference plans; no language model"),
+    "classical": ("◊", "classical planner in the model's place: it plans for what was understood; no language model"),
     "simulated": ("‡", "simulated planner: a published error profile, no language model"),
 }
 

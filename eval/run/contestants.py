@@ -16,7 +16,7 @@ from gavel_env.errors import UnknownAgent
 
 __all__ = ["ORDER", "choose", "compared_by_default", "default_agents", "default_planners", "needs_planner"]
 
-ORDER = ("llm-only", "sayplan", "epog", "gavel-basic", "gavel-map", "gavel-static", "gavel-full", "oracle")
+ORDER = ("llm-only", "sayplan", "llm+p", "epog", "gavel-basic", "gavel-map", "gavel-static", "gavel-full", "oracle")
 """Rows of a table, as the paper has them."""
 
 _ALIASES = {"gavel": "gavel-full"}
@@ -32,12 +32,15 @@ def default_agents(planners: Sequence[str]) -> tuple[str, ...]:
     return tuple(agent for agent in ORDER if planners or not needs_planner(agent))
 
 
-def default_planners(kinds: Sequence[str]) -> tuple[str, ...]:
+def default_planners(kinds: Sequence[str], understanding: str = "reference") -> tuple[str, ...]:
     """Return, for each kind of instructions, a shipped recording of a real model if there is one, else reference plans.
 
     Both, where the recording is of a sample. With reference plans in a model's place (no model at all) only what comes
-    after the plan is compared: belief, search and order.
+    after the plan is compared: belief, search and order. Where the understanding is what is compared, neither will do:
+    they answer by the instruction's id, whatever was understood. The classical planner plans for what was understood.
     """
+    if understanding != "reference":
+        return () if understanding == "llm" else ("classical",)
     planners: list[str] = []
     for kind in kinds:
         recording = shipped_recordings().get(kind)
@@ -96,6 +99,11 @@ def choose(
             raise UnknownAgent(name, known)
         if agent == "oracle":
             chosen.append(contestant(agent, settings, privileged=True))
+        elif agent in METHODS and METHODS[agent].source == "classical":
+            given = [spec for spec in planners if _for_kind(spec)[1].partition(":")[0] == "classical"]
+            for kinds, planner in map(_for_kind, given or ("classical",)):
+                options = {"planner": _with_engine(planner), "kinds": kinds}
+                chosen.append(contestant(agent, settings, understanding=understanding, prior=prior, **options))
         elif agent in METHODS and not needs_planner(agent):
             chosen.append(contestant(agent, settings, understanding=understanding, prior=prior))
         else:
@@ -104,7 +112,8 @@ def choose(
                     f"agent {agent!r} asks a language model, and none is given: "
                     f"add --planner scripted:FILE.jsonl, or leave it out of --agents"
                 )
-            for kinds, planner in map(_for_kind, planners or ("",)):
+            for kinds, spec in map(_for_kind, planners or ("",)):
+                planner = _with_engine(spec)
                 recording = _shipped(planner)
                 chosen.append(
                     contestant(
@@ -118,6 +127,14 @@ def choose(
                     )
                 )
     return tuple(dict.fromkeys(chosen))
+
+
+def _with_engine(planner: str) -> str:
+    """Return a spec of the classical planner with the engine that it will use, so that records say it; others as is."""
+    from gavel_agents.classical.planner import chosen_engine
+
+    kind, _, engine = planner.partition(":")
+    return f"{kind}:{chosen_engine(engine)}" if kind == "classical" else planner
 
 
 def _for_kind(planner: str) -> tuple[tuple[str, ...], str]:

@@ -13,6 +13,9 @@ import msgspec
 from gavel_env.errors import BadPlannerSpec, nearest_names
 from gavel_env.instructions.lookup import About
 from gavel_env.instructions.record import Instruction
+from gavel_env.world_model.dynamics import Profile
+from gavel_env.world_model.goals import Goal
+from gavel_env.world_model.graph import SceneGraph
 
 __all__ = [
     "AnswersFromRecords",
@@ -20,6 +23,7 @@ __all__ = [
     "ChatModel",
     "Completion",
     "Message",
+    "PlanningProblem",
     "Prompt",
     "decoding_of",
     "load_model",
@@ -36,6 +40,20 @@ class Message(msgspec.Struct, frozen=True):
     content: str
 
 
+class PlanningProblem(msgspec.Struct, frozen=True):
+    """What a prompt for plans is about, for planners that are no language models.
+
+    Attributes:
+        graph: the believed graph.
+        goals: one per task.
+        profile: rules profile.
+    """
+
+    graph: SceneGraph
+    goals: tuple[Goal, ...]
+    profile: Profile = Profile.PAPER
+
+
 class Prompt(msgspec.Struct, frozen=True):
     """A conversation to be continued.
 
@@ -46,6 +64,7 @@ class Prompt(msgspec.Struct, frozen=True):
         schema: JSON schema to which backends that can hold the answer; others are told by the turns alone.
         seed: of the sampling; it matters only where something is sampled. None = the backend's own.
         temperature: instead of the model's own; backends that take none ignore it.
+        problem: what the turns say of what is believed and understood, as it is; never shown to a model.
     """
 
     messages: tuple[Message, ...]
@@ -54,6 +73,7 @@ class Prompt(msgspec.Struct, frozen=True):
     schema: Mapping[str, Any] | None = None
     seed: int | None = None
     temperature: float | None = None
+    problem: PlanningProblem | None = None
 
 
 class Completion(msgspec.Struct, frozen=True):
@@ -112,6 +132,7 @@ def tell(model: object, instruction: Instruction) -> None:
 # kind -> (module, class); the module is imported only when the kind is asked for.
 _KINDS: dict[str, tuple[str, str]] = {
     "anthropic": ("gavel_agents.llm.anthropic", "AnthropicModel"),
+    "classical": ("gavel_agents.classical.planner", "ClassicalPlanner"),
     "gguf": ("gavel_agents.llm.gguf", "GgufModel"),
     "hf": ("gavel_agents.llm.hf", "HfModel"),
     "openai": ("gavel_agents.llm.openai", "OpenAIModel"),
@@ -128,17 +149,17 @@ def model_kinds() -> tuple[str, ...]:
 
 
 def load_model(spec: str) -> ChatModel:
-    """Return the model of a spec `kind:argument`.
+    """Return the model of a spec `kind:argument`; `classical` alone needs no argument.
 
     Raises:
         BadPlannerSpec: unknown kind, or no argument; names the alternatives.
     """
-    kind, colon, argument = spec.partition(":")
+    kind, _, argument = spec.partition(":")
     if kind not in _KINDS:
         near = nearest_names(kind, _KINDS)
         hint = f"did you mean {near[0]!r}?" if near else f"kinds: {', '.join(model_kinds())}"
         raise BadPlannerSpec(f"unknown planner kind {kind!r} in {spec!r}; {hint}")
-    if not colon or not argument:
+    if kind != "classical" and not argument:
         raise BadPlannerSpec(f"planner spec {spec!r} needs the form {kind}:ARGUMENT")
     module, name = _KINDS[kind]
     model: ChatModel = getattr(import_module(module), name)(argument)

@@ -10,7 +10,7 @@ import msgspec
 
 from gavel_agents.agent import AgentTrace, TaskTrace, stage
 from gavel_agents.edits.repair import repair
-from gavel_agents.llm import ChatModel, Message, Prompt
+from gavel_agents.llm import ChatModel, Message, PlanningProblem, Prompt
 from gavel_agents.methods import MethodConfig
 from gavel_agents.proposing.complaint import complain
 from gavel_agents.proposing.parse import parse_plans
@@ -60,14 +60,15 @@ def proposed_plans(problem: Problem, config: MethodConfig, model: ChatModel, tra
     """Ask the model until every task's plan is valid or the budget T is spent."""
     first = plan_prompt(problem.about.text, problem.tasks, problem.graph, problem.likely)
     prompt = first
+    goals = [task.goal for task in problem.tasks]
+    structured = PlanningProblem(problem.graph, tuple(goals), problem.profile)
     planned = Planned()
     for attempt in range(config.attempts):
-        answer = _ask(model, Prompt(prompt, problem.about, attempt, seed=problem.seed), trace)
+        answer = _ask(model, Prompt(prompt, problem.about, attempt, seed=problem.seed, problem=structured), trace)
         parsed = parse_plans(answer, problem.graph, len(problem.tasks))
         planned = _judge(problem, parsed.plans, trace, repairing=config.repair)
         if all(verdict.valid for verdict in planned.verdicts) or not config.feedback:
             break
-        goals = [task.goal for task in problem.tasks]
         prompt = retry_prompt(first, _quote(planned.plans), complain(planned.verdicts, goals, parsed))
     return planned
 

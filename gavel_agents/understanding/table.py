@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
+from gavel_agents.classical.planner import ClassicalPlanner
 from gavel_agents.llm import ChatModel, load_model
 from gavel_agents.understanding.interface import Understanding
 from gavel_agents.understanding.model import ModelUnderstanding
@@ -51,6 +52,8 @@ def load_understanding(
     if name == "llm":
         if model is None:
             raise UnknownUnderstanding("understanding 'llm' asks the planner's model, and there is none: add --planner")
+        if isinstance(model, ClassicalPlanner):
+            raise UnknownUnderstanding("understanding 'llm' asks a language model; the classical planner reads no text")
         return ModelUnderstanding(name, model, trained=False)
     near = nearest_names(name, UNDERSTANDINGS) or UNDERSTANDINGS
     raise UnknownUnderstanding(f"unknown understanding {name!r}; known: {', '.join(near)}")

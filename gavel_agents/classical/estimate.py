@@ -1,0 +1,278 @@
+"""How many primitives a goal is away: the search's heuristic, wish by wish and thing by thing.
+
+For every thing the estimate counts what it takes to fetch it, have an appliance work on it and bring it where it
+belongs, doors on the way included; then what has to be shut and switched off. A thing that still needs an appliance
+counts as not yet delivered, wherever it is: so that what must come first is done first. Things are counted apart from
+each other, so what two share (one run of a dishwasher) counts twice: the estimate is informed, not admissible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+from gavel_agents.classical.wishes import Unplannable, Wish, literals_of, wishes
+from gavel_agents.edits.wants import confers
+from gavel_env.world_model.dynamics import Profile
+from gavel_env.world_model.goals import Designator, Goal, Predicate, fitting
+from gavel_env.world_model.graph import Flag, Relation, SceneGraph
+from gavel_env.world_model.conditions import ON_FLOOR, WITHIN
+
+__all__ = ["HOPELESS", "Estimate"]
+
+HOPELESS = 10_000.0
+"""Price of what no action brings about."""
+
+_MADE = {p.value: flag for flag in (Flag.COOKED, Flag.WASHED, Flag.DRIED, Flag.HOT, Flag.FROZEN) for p in Predicate
+         if p.flag is flag}
+_ON, _IN = Predicate.ON_TOP.value, Predicate.INSIDE.value
+
+
+class Estimate:
+    """The estimate for one goal from one start."""
+
+    def __init__(self, start: SceneGraph, goal: Goal, profile: Profile = Profile.PAPER) -> None:
+        """Find out what matters.
+
+        Args:
+            start: the state that is planned from.
+            goal: what is planned for.
+            profile: rules profile.
+        """
+        self.start = start
+        self.goal = goal
+        self._hand = 2 if profile is Profile.OMNIGIBSON else 0  # a full hand is set down and filled again at doors
+        self._workers: dict[tuple[str, Flag], tuple[tuple[str, Relation], ...]] = {}
+        self._wanted = {
+            flag: frozenset(o for o in start.world.nodes if goal.wants(flag, o, start))
+            for flag in (Flag.OPEN, Flag.TOGGLED)
+        }
+
+    @cached_property
+    def relevant(self) -> tuple[str, ...]:
+        """What a plan may need: what the goal speaks of, what holds it, and what can give the states asked for."""
+        found: dict[str, None] = {}
+        for predicate, names in literals_of(self.goal):
+            things = [o for name in names for o in fitting(self.start, Designator.parse(name))]
+            found.update(dict.fromkeys(things))
+            flag = _MADE.get(predicate)
+            for thing in things:
+                if flag is not None:
+                    found.update((a, None) for a, _ in self.workers(thing, flag))
+                if predicate == Predicate.DIRTY.value:
+                    found.update((a, None) for a, _ in self._cleaners(thing))
+                if predicate in (Predicate.HOT.value, Predicate.FROZEN.value):
+                    found.update((a, None) for f in (Flag.HOT, Flag.FROZEN) for a, _ in self.workers(thing, f))
+            if predicate in (Predicate.IN_ROOM.value, ON_FLOOR):
+                found.update((o, None) for o in self._in_room(self.start, names[-1]))
+        for thing in tuple(found):
+            found.update((holder, None) for _, holder in self.start.holders(thing))
+        return tuple(o for o in self.start.world.nodes if o in found)
+
+    def workers(self, thing: str, flag: Flag) -> tuple[tuple[str, Relation], ...]:
+        """Return what gives a thing a state when it is run, and how the thing must lie in or on it."""
+        key = (thing, flag)
+        if key not in self._workers:
+            found = ((a, confers(self.start, a, thing, flag)) for a in self.start.world.nodes if a != thing)
+            self._workers[key] = tuple((a, relation) for a, relation in found if relation is not None)
+        return self._workers[key]
+
+    def __call__(self, graph: SceneGraph, handy: frozenset[str]) -> float:
+        """Return the estimate of a state.
+
+        Args:
+            graph: the state.
+            handy: what can be worked on without driving.
+        """
+        steps = _Steps(graph, handy, self)
+        try:
+            asked = wishes(self.goal, graph, steps.price)
+        except Unplannable:
+            return HOPELESS
+        by_thing: dict[str, list[Wish]] = {}
+        for wish in asked:
+            by_thing.setdefault(wish.subject, []).append(wish)
+        total = sum(steps.thing(thing, about) for thing, about in by_thing.items())
+        doors = {w.subject for w in asked if w.predicate == "open" and w.negated}
+        return total + self._restoring(graph, handy, doors)
+
+    def _restoring(self, graph: SceneGraph, handy: frozenset[str], counted: set[str]) -> float:
+        """Return the steps that shut and switch off what the plan opened and switched on."""
+        total = 0.0
+        for flag in (Flag.OPEN, Flag.TOGGLED):
+            for obj in graph.flags[flag] - self.start.flags[flag] - self._wanted[flag]:
+                if flag is Flag.TOGGLED and not graph.category(obj).safety_critical:
+                    continue
+                if not (flag is Flag.OPEN and obj in counted):
+                    total += 1 if obj in handy else 2
+        return total
+
+    def _cleaners(self, thing: str) -> tuple[tuple[str, Relation], ...]:
+        """Return what takes dirt off a thing by being run with it inside."""
+        rinsing = (
+            (a, Relation.INSIDE)
+            for a in self.start.world.nodes
+            if a != thing and self.start.category(a).rinses and self.start.category(a).interior
+        )
+        return (*self.workers(thing, Flag.WASHED), *rinsing, *((w, Relation.ON_TOP) for w in self.wipers(thing)))
+
+    def wipers(self, thing: str) -> tuple[str, ...]:
+        """Return what wipes a thing clean when it is put down on it."""
+        if not self.start.category(thing).surface:
+            return ()
+        nodes = self.start.world.nodes
+        return tuple(o for o in nodes if o != thing and nodes[o].category.wipes and not nodes[o].fixed)
+
+    def machines(self, thing: str) -> tuple[tuple[str, Relation], ...]:
+        """Return the machines that take dirt off a thing."""
+        return tuple((a, r) for a, r in self._cleaners(thing) if r is Relation.INSIDE)
+
+    @staticmethod
+    def _in_room(graph: SceneGraph, room: str) -> list[str]:
+        """Return fixed pieces of a room, by which a thing can be brought there."""
+        rooms = graph.world.rooms
+        found = []
+        for o, node in graph.world.nodes.items():
+            where = graph.room_of(o) if node.fixed else None
+            if where is not None and room in (where, rooms[where].type):
+                found.append(o)
+        return found
+
+    def pieces_of(self, room: str) -> list[str]:
+        """Return the fixed pieces known to stand in a room."""
+        return self._in_room(self.start, room)
+
+
+class _Steps:
+    """Counts of primitives in one state."""
+
+    def __init__(self, graph: SceneGraph, handy: frozenset[str], about: Estimate) -> None:
+        self.graph, self.handy, self.about = graph, handy, about
+
+    def price(self, wish: Wish) -> float:
+        """Return the steps to one wish by itself."""
+        return self.thing(wish.subject, [wish])
+
+    def thing(self, thing: str, about: list[Wish]) -> float:
+        """Return the steps to everything that is wished of one thing."""
+        graph = self.graph
+        total = 0.0
+        works = [w for w in about if self._work(w) is not None and not w.holds(graph)]
+        places = [w for w in about if not w.negated and w.predicate in _PLACING]
+        for work in works:
+            option = self._work(work)
+            assert option is not None
+            total += option()
+        for wish in places:
+            if works:
+                total += 3 + self._doors(wish)
+            elif not wish.holds(graph):
+                total += self._placed(thing, wish)
+        for wish in about:
+            if wish in works or wish in places or wish.holds(graph):
+                continue
+            total += self._other(thing, wish)
+        return total
+
+    # --- fetching and bringing -----------------------------------------------------------------------------------
+
+    def reach(self, thing: str) -> float:
+        """Return the steps until a thing is near and no shut door is before it."""
+        graph = self.graph
+        if thing == graph.holding or (thing in self.handy and graph.closed_container(thing) is None):
+            return 0
+        shut = [h for relation, h in graph.holders(thing) if relation is Relation.INSIDE and graph.is_shut(h)]
+        if not shut:
+            return 1
+        doors = sum((1 if c in self.handy else 2) for c in shut)
+        return doors + (self.about._hand if graph.holding is not None else 0)
+
+    def take(self, thing: str) -> float:
+        """Return the steps until a thing is in the hand."""
+        if thing == self.graph.holding:
+            return 0
+        return self.reach(thing) + 1 + (self.graph.holding is not None)
+
+    def bring(self, thing: str, relation: Relation, place: str) -> float:
+        """Return the steps until a thing is on, in or beside a place."""
+        graph = self.graph
+        going = self.reach(place) if thing == graph.holding else 1 + self._shut_around(place)
+        opening = relation is Relation.INSIDE and graph.is_shut(place)
+        return self.take(thing) + going + opening * (1 + self.about._hand) + 1
+
+    def _shut_around(self, place: str) -> float:
+        graph = self.graph
+        return 2.0 * sum(r is Relation.INSIDE and graph.is_shut(h) for r, h in graph.holders(place))
+
+    def _doors(self, wish: Wish) -> float:
+        return 1.0 if wish.predicate == _IN and wish.object is not None and self.graph.is_shut(wish.object) else 0.0
+
+    def _placed(self, thing: str, wish: Wish) -> float:
+        place = wish.object or ""
+        category = self.graph.world.nodes[thing]
+        if category.fixed or not category.category.liftable:
+            return HOPELESS
+        if wish.predicate in (Predicate.IN_ROOM.value, ON_FLOOR):
+            pieces = self.about.pieces_of(place)
+            return min((self.bring(thing, Relation.FLOOR, piece) for piece in pieces), default=HOPELESS)
+        target = self.graph.category(place)
+        if wish.predicate == _ON:
+            return self.bring(thing, Relation.ON_TOP, place) if target.surface else HOPELESS
+        if wish.predicate in (_IN, WITHIN):
+            return self.bring(thing, Relation.INSIDE, place) if target.interior else HOPELESS
+        if wish.predicate == Predicate.UNDER.value and not target.clearance:
+            return HOPELESS
+        return self.bring(thing, Relation.FLOOR, place)
+
+    # --- states --------------------------------------------------------------------------------------------------
+
+    def _work(self, wish: Wish) -> Callable[[], float] | None:
+        """Return how to count a state that something must be run (or rubbed) for, or None for other wishes."""
+        thing = wish.subject
+        if wish.predicate == Predicate.DIRTY.value:
+            return (lambda: self._cleaned(thing)) if wish.negated else (lambda: HOPELESS)
+        flag = _MADE.get(wish.predicate)
+        if flag is None:
+            return None
+        if not wish.negated:
+            return lambda: self._run(thing, self.about.workers(thing, flag))
+        undone = {Flag.HOT: Flag.FROZEN, Flag.FROZEN: Flag.HOT}.get(flag)
+        if undone is None:
+            return lambda: HOPELESS
+        return lambda: self._run(thing, self.about.workers(thing, undone))
+
+    def _cleaned(self, thing: str) -> float:
+        wiped = (self.bring(wiper, Relation.ON_TOP, thing) for wiper in self.about.wipers(thing))
+        return min((*wiped, self._run(thing, self.about.machines(thing))))
+
+    def _run(self, thing: str, options: tuple[tuple[str, Relation], ...]) -> float:
+        """Return the steps until the cheapest of some appliances has worked on a thing."""
+        graph = self.graph
+        best = HOPELESS
+        for appliance, relation in options:
+            category = graph.category(appliance)
+            loaded = graph.supports.get(thing) == (relation, appliance)
+            shutting = category.openable and (not loaded or appliance in graph.flags[Flag.OPEN])
+            steps = self.reach(appliance) if loaded else self.bring(thing, relation, appliance)
+            best = min(best, steps + shutting + category.toggleable)
+        return best
+
+    def _other(self, thing: str, wish: Wish) -> float:
+        """Return the steps to a door or switch, or away from where a thing shall not be."""
+        category = self.graph.category(thing)
+        if wish.predicate == "open":
+            able = category.openable
+        elif wish.predicate == "toggled":
+            able = category.toggleable
+        else:
+            node = self.graph.world.nodes[thing]
+            return self.take(thing) + 2 if category.liftable and not node.fixed else HOPELESS
+        if not able:
+            return HOPELESS
+        shut_first = wish.predicate == "toggled" and not wish.negated and category.requires_closed
+        return self.reach(thing) + 1 + (shut_first and thing in self.graph.flags[Flag.OPEN])
+
+
+_PLACING = frozenset(
+    (_ON, _IN, WITHIN, ON_FLOOR, *(p.value for p in (Predicate.IN_ROOM, Predicate.NEXT_TO, Predicate.UNDER)))
+)
