@@ -102,8 +102,9 @@ def choose(
         elif agent in METHODS and METHODS[agent].source == "classical":
             given = [spec for spec in planners if _for_kind(spec)[1].partition(":")[0] == "classical"]
             for kinds, planner in map(_for_kind, given or ("classical",)):
-                options = {"planner": _with_engine(planner), "kinds": kinds}
-                chosen.append(contestant(agent, settings, understanding=understanding, prior=prior, **options))
+                spec = _with_engine(planner)
+                one = contestant(agent, settings, planner=spec, understanding=understanding, prior=prior, kinds=kinds)
+                chosen.append(one)
         elif agent in METHODS and not needs_planner(agent):
             chosen.append(contestant(agent, settings, understanding=understanding, prior=prior))
         else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 from gavel_agents.classical.estimate import Estimate
 from gavel_agents.classical.search import Found, handy
@@ -83,7 +83,7 @@ def _expression(problem: Any, expression: Expression, variables: dict[str, Any])
     from unified_planning.model import Variable
 
     build = problem.environment.expression_manager
-    head, *rest = expression
+    head, rest = expression[0], cast("tuple[Any, ...]", expression[1:])
     if head == "exists":
         variable = Variable(str(rest[0])[1:], problem.user_type("thing"))
         return build.Exists(_expression(problem, rest[1], {**variables, rest[0]: variable}), variable)

@@ -13,18 +13,22 @@ from functools import cached_property
 
 from gavel_agents.classical.wishes import Unplannable, Wish, literals_of, wishes
 from gavel_agents.edits.wants import confers
+from gavel_env.world_model.conditions import ON_FLOOR, WITHIN
 from gavel_env.world_model.dynamics import Profile
 from gavel_env.world_model.goals import Designator, Goal, Predicate, fitting
 from gavel_env.world_model.graph import Flag, Relation, SceneGraph
-from gavel_env.world_model.conditions import ON_FLOOR, WITHIN
 
 __all__ = ["HOPELESS", "Estimate"]
 
 HOPELESS = 10_000.0
 """Price of what no action brings about."""
 
-_MADE = {p.value: flag for flag in (Flag.COOKED, Flag.WASHED, Flag.DRIED, Flag.HOT, Flag.FROZEN) for p in Predicate
-         if p.flag is flag}
+_MADE = {
+    p.value: flag
+    for flag in (Flag.COOKED, Flag.WASHED, Flag.DRIED, Flag.HOT, Flag.FROZEN)
+    for p in Predicate
+    if p.flag is flag
+}
 _ON, _IN = Predicate.ON_TOP.value, Predicate.INSIDE.value
 
 

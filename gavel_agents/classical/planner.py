@@ -82,7 +82,9 @@ class ClassicalPlanner:
     def _answer(self, prompt: Prompt) -> Completion:
         problem = prompt.problem
         if problem is None:
-            raise BadPlannerSpec("the classical planner reads no text: it plans for what an understanding has made of it")
+            raise BadPlannerSpec(
+                "the classical planner reads no text: it plans for what an understanding has made of it"
+            )
         if self._last is not None and self._last[0] is problem:  # a retry: nothing new is known
             return Completion(self._last[1])
         begun = time.perf_counter()

@@ -58,9 +58,7 @@ class _Node(NamedTuple):
         return tuple(reversed(steps))
 
 
-def search(
-    graph: SceneGraph, goal: Goal, profile: Profile = Profile.PAPER, most_states: int = MOST_STATES
-) -> Found:
+def search(graph: SceneGraph, goal: Goal, profile: Profile = Profile.PAPER, most_states: int = MOST_STATES) -> Found:
     """Search for a valid plan: applicable, goal met, and safe at its end.
 
     Args:

@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate, fitting
-from gavel_env.world_model.graph import SceneGraph
 from gavel_env.world_model.conditions import (
     ON_FLOOR,
     And,
@@ -25,6 +23,8 @@ from gavel_env.world_model.conditions import (
     Not,
     Or,
 )
+from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate, fitting
+from gavel_env.world_model.graph import SceneGraph
 
 __all__ = ["Unplannable", "Wish", "literals_of", "wishes"]
 

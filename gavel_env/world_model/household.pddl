@@ -1,5 +1,6 @@
 ; The household domain: the action table of docs/design.md, lifted, for planners that read ADL.
-; `aboard` is reflexive and transitive: a thing is aboard itself and whatever holds it up, at any depth.
+; `aboard` is reflexive and transitive: a thing is aboard itself and whatever holds it up, at any depth. `rides` is the
+; part of it without fixed pieces in between: what is near once the robot went to a thing, and what moves with it.
 (define (domain household)
 (:requirements :adl)
 (:types thing room)
@@ -12,7 +13,7 @@
   (cookable ?x - thing) (heatable ?x - thing) (freezable ?x - thing)
   (full-hand-may-operate)
   ; where things are
-  (on-top ?x - thing ?y - thing) (inside ?x - thing ?y - thing) (aboard ?x - thing ?y - thing)
+  (on-top ?x - thing ?y - thing) (inside ?x - thing ?y - thing) (aboard ?x - thing ?y - thing) (rides ?x - thing ?y - thing)
   (on-floor ?x - thing ?r - room) (in-room ?x - thing ?r - room) (lies ?x - thing) (next-to ?x - thing ?y - thing)
   ; the robot
   (near ?x - thing) (robot-in ?r - room) (holding ?x - thing) (carried ?x - thing) (hand-empty)
@@ -26,8 +27,8 @@
     (not (carried ?x))
     (forall (?d - thing ?c - thing) (or (not (aboard ?x ?d)) (not (inside ?d ?c)) (not (shut ?c)))))
   :effect (and
-    (forall (?z - thing) (when (or (aboard ?z ?x) (aboard ?x ?z) (carried ?z)) (near ?z)))
-    (forall (?z - thing) (when (and (not (aboard ?z ?x)) (not (aboard ?x ?z)) (not (carried ?z))) (not (near ?z))))
+    (forall (?z - thing) (when (or (rides ?z ?x) (aboard ?x ?z) (carried ?z)) (near ?z)))
+    (forall (?z - thing) (when (and (not (rides ?z ?x)) (not (aboard ?x ?z)) (not (carried ?z))) (not (near ?z))))
     (forall (?r - room) (when (in-room ?x ?r) (robot-in ?r)))
     (forall (?r - room) (when (not (in-room ?x ?r)) (not (robot-in ?r))))))
 
@@ -38,12 +39,12 @@
     (forall (?d - thing ?c - thing) (or (not (aboard ?x ?d)) (not (inside ?d ?c)) (not (shut ?c)))))
   :effect (and
     (holding ?x) (not (hand-empty)) (not (lies ?x))
-    (forall (?z - thing) (when (aboard ?z ?x) (carried ?z)))
+    (forall (?z - thing) (when (rides ?z ?x) (carried ?z)))
     (forall (?y - thing) (and (not (on-top ?x ?y)) (not (inside ?x ?y)) (not (next-to ?x ?y)) (not (next-to ?y ?x))))
     (forall (?z - thing ?h - thing)
-      (when (and (aboard ?z ?x) (aboard ?x ?h) (not (aboard ?h ?x))) (not (aboard ?z ?h))))
+      (when (and (rides ?z ?x) (aboard ?x ?h) (not (rides ?h ?x))) (and (not (aboard ?z ?h)) (not (rides ?z ?h)))))
     (forall (?r - room) (not (on-floor ?x ?r)))
-    (forall (?z - thing ?r - room) (when (aboard ?z ?x) (not (in-room ?z ?r))))))
+    (forall (?z - thing ?r - room) (when (rides ?z ?x) (not (in-room ?z ?r))))))
 
 (:action release
   :parameters (?x - thing)
@@ -59,24 +60,26 @@
 (:action place-on-top
   :parameters (?x - thing ?y - thing)
   :precondition (and
-    (holding ?x) (near ?y) (surface ?y) (not (aboard ?y ?x))
+    (holding ?x) (near ?y) (surface ?y) (not (rides ?y ?x))
     (forall (?d - thing ?c - thing) (or (not (aboard ?y ?d)) (not (inside ?d ?c)) (not (shut ?c)))))
   :effect (and
     (hand-empty) (not (holding ?x)) (on-top ?x ?y)
     (forall (?z - thing) (not (carried ?z)))
-    (forall (?z - thing ?h - thing) (when (and (aboard ?z ?x) (aboard ?y ?h)) (aboard ?z ?h)))
+    (forall (?z - thing ?h - thing) (when (and (rides ?z ?x) (aboard ?y ?h)) (aboard ?z ?h)))
+    (forall (?z - thing ?h - thing) (when (and (rides ?z ?x) (rides ?y ?h)) (rides ?z ?h)))
     (forall (?z - thing ?r - room) (when (and (carried ?z) (in-room ?y ?r)) (in-room ?z ?r)))
     (when (wipes ?x) (not (dirty ?y)))))
 
 (:action place-inside
   :parameters (?x - thing ?y - thing)
   :precondition (and
-    (holding ?x) (near ?y) (interior ?y) (not (shut ?y)) (not (aboard ?y ?x))
+    (holding ?x) (near ?y) (interior ?y) (not (shut ?y)) (not (rides ?y ?x))
     (forall (?d - thing ?c - thing) (or (not (aboard ?y ?d)) (not (inside ?d ?c)) (not (shut ?c)))))
   :effect (and
     (hand-empty) (not (holding ?x)) (inside ?x ?y)
     (forall (?z - thing) (not (carried ?z)))
-    (forall (?z - thing ?h - thing) (when (and (aboard ?z ?x) (aboard ?y ?h)) (aboard ?z ?h)))
+    (forall (?z - thing ?h - thing) (when (and (rides ?z ?x) (aboard ?y ?h)) (aboard ?z ?h)))
+    (forall (?z - thing ?h - thing) (when (and (rides ?z ?x) (rides ?y ?h)) (rides ?z ?h)))
     (forall (?z - thing ?r - room) (when (and (carried ?z) (in-room ?y ?r)) (in-room ?z ?r)))
     (forall (?z - thing)
       (when (and (freezes ?y) (not (door ?y)) (freezable ?z)

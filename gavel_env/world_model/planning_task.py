@@ -119,7 +119,9 @@ def planning_task(
     kept = [o for o in graph.world.nodes if objects is None or o in objects]
     names = _names([*kept, *graph.world.rooms])
     written = {identifier: name for name, identifier in names.items()}
-    init = tuple((fact[0], *(written[a] for a in fact[1:])) for fact in (*_statics(graph, kept, profile), *state_of(graph, kept)))
+    init = tuple(
+        (fact[0], *(written[a] for a in fact[1:])) for fact in (*_statics(graph, kept, profile), *state_of(graph, kept))
+    )
     things = {written[o]: o for o in kept}
     rooms = {written[r]: r for r in graph.world.rooms}
     return PlanningTask(things, rooms, init, _Goal(graph, set(kept), written).expression(goal))
@@ -191,7 +193,9 @@ def state_of(graph: SceneGraph, objects: Sequence[str]) -> Iterator[Fact]:
             yield ("on-floor", o, support.holder)
         if support is not None and support.relation <= Relation.INSIDE and support.holder in known:
             yield ("on-top" if support.relation is Relation.ON_TOP else "inside", o, support.holder)
-        yield ("aboard", o, o)
+        yield from (("aboard", o, o), ("rides", o, o))
+        if not graph.world.nodes[o].fixed:
+            yield from (("rides", o, holder) for holder in _carriers(graph, o) if holder in known)
         yield from (("aboard", o, holder) for _, holder in graph.holders(o) if holder in known)
         room = graph.room_of(o)
         if o in carried:
@@ -207,6 +211,14 @@ def state_of(graph: SceneGraph, objects: Sequence[str]) -> Iterator[Fact]:
         if a in known and b in known:
             yield ("next-to", a, b)
             yield ("next-to", b, a)
+
+
+def _carriers(graph: SceneGraph, obj: str) -> Iterator[str]:
+    """Yield what holds a movable up, as far as the first fixed piece."""
+    for _, holder in graph.holders(obj):
+        yield holder
+        if graph.world.nodes[holder].fixed:
+            return
 
 
 def _state(name: str) -> str:

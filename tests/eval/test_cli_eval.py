@@ -16,6 +16,7 @@ import pytest
 from eval.cli import build_parser, main
 from eval.records.journal import read_records
 from eval.run.contestants import ORDER
+from gavel_agents.classical.planner import chosen_engine
 from gavel_env.instructions.record import Instruction, read_instructions, shipped
 
 ROOT = Path(__file__).parents[2]
@@ -56,11 +57,11 @@ def test_the_default_table(few: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     for title in ("Single tasks", "Multi-task instructions"):
         assert f"{title}\n3 from few.jsonl · stamp" in shown.out
     assert shown.out.count("oracle †") == 2
-    assert "12/12 episodes" in shown.err
+    assert "18/18 episodes" in shown.err
     assert str(tmp_path / "records.jsonl") in shown.err
     for record in read_records([tmp_path]).records.values():
         needs = any(text.startswith(CONFERRED) for task in record.trace.tasks for text in task.goal)
-        assert record.success == (record.contestant.agent == "oracle" or not needs), (
+        assert record.success == (record.contestant.agent != "epog" or not needs), (
             record.instruction,
             record.failure,
         )
@@ -74,14 +75,30 @@ def test_every_method_on_scripted_completions(few: Path, tmp_path: Path, capsys:
     assert [line.split(",")[4] for line in lines[1:]] == list(ORDER)
     records = read_records([tmp_path / "out"]).records.values()
     assert len(records) == 3 * len(ORDER)
-    asked = [r for r in records if r.contestant.planner]
-    assert {r.contestant.agent for r in asked} == set(ORDER) - {"epog", "oracle"}
+    asked = [r for r in records if r.contestant.planner_kind == "scripted"]
+    assert {r.contestant.agent for r in asked} == set(ORDER) - {"llm+p", "epog", "oracle"}
     for record in asked:
         assert record.trace.attempts >= 1
         assert len(record.trace.prompts) == len(record.trace.completions) == record.trace.attempts
         assert record.model == "scripted:answers.jsonl"
         assert record.method["source"] == "model"
         assert record.trace.tasks[0].proposed
+
+
+def test_the_default_planner_plans_for_what_another_understanding_makes_of_the_text(
+    few: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--understanding", "rules", "--agents", "gavel-basic,llm+p", "--kind", "single", "--format", "csv"]
+    for source in (["--instructions", str(few)], ["--limit", "3"]):
+        assert main(["eval", *source, *options, "--out", str(tmp_path / source[0])]) == 0
+        lines = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+        assert [(line["agent"], line["planner"]) for line in lines] == [
+            (agent, f"classical:{chosen_engine()}") for agent in ("gavel-basic", "llm+p")
+        ]
+        for record in read_records([tmp_path / source[0]]).records.values():
+            assert record.model.startswith("classical planner")
+    assert main(["eval", "--understanding", "llm", "--agents", "gavel-basic", "--limit", "1"]) == 2
+    assert "asks a language model, and none is given" in capsys.readouterr().err
 
 
 def test_a_shipped_recording_of_a_sample_is_in_the_default_table(
@@ -98,6 +115,7 @@ def test_a_shipped_recording_of_a_sample_is_in_the_default_table(
     lines = csv.DictReader(io.StringIO(capsys.readouterr().out))
     assert [(line["agent"], line["planner"], line["scheduled"], line["recorded"]) for line in lines] == [
         ("llm-only", "replay:multi", "2", "2"),
+        ("llm+p", f"classical:{chosen_engine()}", "4", "4"),
         ("epog", "", "4", "4"),
         ("gavel-map", "reference:multi", "4", "4"),
         ("gavel-static", "reference:multi", "4", "4"),
