@@ -23,6 +23,7 @@ __all__ = [
     "MalformedAction",
     "MalformedGoal",
     "ModelError",
+    "NotExpressible",
     "NotInstalled",
     "NotRecorded",
     "PddlNameError",
@@ -172,6 +173,10 @@ class BadRobotConfig(GavelError):
 
 class PddlNameError(GavelError):
     """An object or room has a name that PDDL cannot write."""
+
+
+class NotExpressible(GavelError):
+    """A goal is too large, or of a kind that cannot be written in PDDL."""
 
 
 class UnknownLevel(GavelError):

@@ -7,13 +7,13 @@ from typing import Any, cast
 
 from gavel_agents.classical.estimate import Estimate
 from gavel_agents.classical.search import Found, handy
+from gavel_env.errors import NotExpressible
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile, apply
 from gavel_env.world_model.goals import Goal
 from gavel_env.world_model.graph import SceneGraph
 from gavel_env.world_model.planning_task import (
     Expression,
-    NotExpressible,
     PlanningTask,
     household_domain,
     planning_task,

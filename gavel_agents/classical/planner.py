@@ -14,8 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 
 from gavel_agents.classical.search import Found, search
-from gavel_agents.llm.interface import BadPlannerSpec, Completion, PlanningProblem, Prompt
-from gavel_env.errors import nearest_names
+from gavel_agents.llm.interface import Completion, PlanningProblem, Prompt
+from gavel_env.errors import BadPlannerSpec, NotInstalled, nearest_names
 from gavel_env.world_model.dynamics import Profile
 from gavel_env.world_model.goals import Goal
 from gavel_env.world_model.graph import SceneGraph
@@ -41,7 +41,8 @@ def chosen_engine(name: str = "") -> str:
     """Return the engine of a spec `classical:NAME`; without a name Fast Downward where it is installed, else `search`.
 
     Raises:
-        BadPlannerSpec: an unknown engine, or one that is not installed.
+        BadPlannerSpec: an unknown engine.
+        NotInstalled: the engine's packages are missing.
     """
     installed = all(find_spec(package) is not None for package in _NEEDS)
     if not name:
@@ -50,7 +51,7 @@ def chosen_engine(name: str = "") -> str:
         near = nearest_names(name, ENGINES) or tuple(ENGINES)
         raise BadPlannerSpec(f"unknown engine {name!r} in classical:{name}; known: {', '.join(near)}")
     if name == "fast-downward" and not installed:
-        raise BadPlannerSpec("classical:fast-downward needs the extra 'planning': pip install 'gavel-env[planning]'")
+        raise NotInstalled("classical:fast-downward needs the extra 'planning': pip install 'gavel-env[planning]'")
     return name
 
 
@@ -64,7 +65,8 @@ class ClassicalPlanner:
             engine: one of `ENGINES`; empty for the best that is installed.
 
         Raises:
-            BadPlannerSpec: an unknown engine, or one that is not installed.
+            BadPlannerSpec: an unknown engine.
+            NotInstalled: the engine's packages are missing.
         """
         self.engine = chosen_engine(engine)
         self.name = f"classical planner, {self.engine} (no model)"

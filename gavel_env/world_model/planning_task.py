@@ -17,7 +17,7 @@ from functools import cache
 from importlib import resources
 from typing import NamedTuple, TypeAlias
 
-from gavel_env.errors import GavelError
+from gavel_env.errors import NotExpressible
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.conditions import (
     ON_FLOOR,
@@ -37,14 +37,10 @@ from gavel_env.world_model.dynamics import Profile
 from gavel_env.world_model.goals import Designator, Goal, Predicate, fitting
 from gavel_env.world_model.graph import Flag, Relation, SceneGraph
 
-__all__ = ["Expression", "NotExpressible", "PlanningTask", "household_domain", "planning_task", "state_of"]
+__all__ = ["Expression", "PlanningTask", "household_domain", "planning_task", "state_of"]
 
 _MOST_CASES = 5_000
 """Cases that a count, or a subject that several things fit, may be written out into."""
-
-
-class NotExpressible(GavelError):
-    """A goal is too large, or of a kind that cannot be written in PDDL."""
 
 
 Expression: TypeAlias = tuple["str | Expression", ...]

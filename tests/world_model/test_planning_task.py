@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from support.worlds import kitchen, random_house_graph
 
+from gavel_env.errors import NotExpressible
 from gavel_env.world_model import dynamics
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.condition_text import parse_formula
@@ -17,7 +18,6 @@ from gavel_env.world_model.goals import Goal, parse_goal, unmet
 from gavel_env.world_model.graph import SceneGraph
 from gavel_env.world_model.planning_task import (
     Expression,
-    NotExpressible,
     PlanningTask,
     household_domain,
     planning_task,
