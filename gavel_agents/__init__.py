@@ -81,7 +81,7 @@ def agent_names() -> tuple[str, ...]:
     from gavel_agents.methods import METHODS
 
     offered = (entry.name for entry in metadata.entry_points(group=_ENTRY_POINTS))
-    return tuple(sorted({"oracle", *METHODS, *_FACTORIES, *offered}))
+    return tuple(sorted({"oracle", "react", *METHODS, *_FACTORIES, *offered}))
 
 
 def make(
@@ -134,6 +134,10 @@ def make(
         "seed": seed,
     }
     name = _ALIASES.get(name, name)
+    if name == "react" and name not in _FACTORIES:
+        from gavel_agents.react import ReActAgent
+
+        register(name, ReActAgent)
     if name not in _FACTORIES and name not in METHODS and name != "oracle":
         for entry in metadata.entry_points(group=_ENTRY_POINTS, name=name):
             register(name, entry.load())

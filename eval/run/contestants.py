@@ -17,18 +17,18 @@ from gavel_env.errors import UnknownAgent
 __all__ = ["ORDER", "choose", "compared_by_default", "default_agents", "default_planners", "needs_planner"]
 
 ORDER = ("llm-only", "sayplan", "llm+p", "epog", "gavel-basic", "gavel-map", "gavel-static", "gavel-full", "oracle")
-"""Rows of a table, as the paper has them."""
+"""The agents of a run that names none, in the order of the paper's tables; `react` runs where it is named."""
 
 _ALIASES = {"gavel": "gavel-full"}
 
 
 def needs_planner(agent: str) -> bool:
     """Return whether a built-in agent asks a language model; agents of others are given one if there is one."""
-    return agent in METHODS and METHODS[agent].source == "model"
+    return agent == "react" or (agent in METHODS and METHODS[agent].source == "model")
 
 
 def default_agents(planners: Sequence[str]) -> tuple[str, ...]:
-    """Return the built-in agents that can run: all of them with a planner, else those that need none."""
+    """Return the agents of a run that names none: all of `ORDER` with a planner, else those that need none."""
     return tuple(agent for agent in ORDER if planners or not needs_planner(agent))
 
 
@@ -59,7 +59,8 @@ def compared_by_default(contestant: Contestant) -> bool:
     recording = _shipped(contestant.planner)
     if recording is not None:
         return contestant.agent in recording.agents
-    return contestant.planner_kind != "reference" or METHODS[contestant.agent].order != "written"
+    config = METHODS.get(contestant.agent)
+    return contestant.planner_kind != "reference" or config is None or config.order != "written"
 
 
 def _shipped(planner: str) -> ShippedRecording | None:
@@ -121,8 +122,8 @@ def choose(
                         agent,
                         settings,
                         planner=planner,
-                        understanding=understanding,
-                        prior=prior,
+                        understanding="" if agent == "react" else understanding,
+                        prior="" if agent == "react" else prior,
                         kinds=kinds,
                         sampled=recording.sample if recording else None,
                     )
