@@ -1,9 +1,9 @@
 """Draw scenarios, make the packets of blind writers and readers, merge what they wrote.
 
-    python -m envs_data.build.voices draw SCENARIOS                      # scenarios.jsonl, certified, without texts
-    python -m envs_data.build.voices write SCENARIOS FOLDER              # FOLDER/WRITER.md, write-K.jsonl
-    python -m envs_data.build.voices packets SCENARIOS FOLDER            # FOLDER/READER.md, read-A-K.jsonl, read-B-K.jsonl
-    python -m envs_data.build.voices merge SCENARIOS FOLDER --out FILE   # voices.jsonl, FOLDER/rewrite.jsonl
+python -m envs_data.build.voices draw SCENARIOS                      # scenarios.jsonl, certified, without texts
+python -m envs_data.build.voices write SCENARIOS FOLDER              # FOLDER/WRITER.md, write-K.jsonl
+python -m envs_data.build.voices packets SCENARIOS FOLDER            # FOLDER/READER.md, read-A-K.jsonl, read-B-K.jsonl
+python -m envs_data.build.voices merge SCENARIOS FOLDER --out FILE   # voices.jsonl, FOLDER/rewrite.jsonl
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import msgspec
 
 from envs_data.build.voices.packets import read_written, reader_packets, writer_packets
 from envs_data.build.voices.scenarios import SEED, draw
-from gavel_env.instructions import Instruction, read_instructions
+from gavel_env.instructions.record import Instruction, read_instructions
 
 __all__ = ["main"]
 
@@ -35,7 +35,7 @@ def _parser() -> argparse.ArgumentParser:
         making.add_argument("scenarios", type=Path)
         making.add_argument("folder", type=Path)
         making.add_argument("--parts", type=int, default=6, help="number of writers or readers")
-        making.add_argument("--first", type=int, default=1, help="number of the first packet; a further round counts on")
+        making.add_argument("--first", type=int, default=1, help="number of the first packet")
         making.add_argument("--ids", type=Path, help="file of records or ids: only these (rewrite.jsonl)")
         making.add_argument("--written", type=Path, nargs="*", help="texts to read; default FOLDER/written-*.jsonl")
     merging = commands.add_parser("merge", help="compare readings with scenarios, certify, split")

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 from envs_data.build.voices.glosses import piece_gloss, room_gloss, thing_gloss
 from envs_data.build.voices.voices import MANNERS
-from gavel_env.goals import Designator, Literal, Predicate, fitting, parse_literal
-from gavel_env.graph import SceneGraph
-from gavel_env.grounding import instruction_graph
-from gavel_env.instructions import Instruction, Placement, TaskSpec
-from gavel_env.ontology import category_of
+from gavel_env.instructions.initial_graph import instruction_graph
+from gavel_env.instructions.record import Instruction, Placement, TaskSpec
 from gavel_env.tasks.placements import House, load_house
+from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate, fitting, parse_literal, unmet
+from gavel_env.world_model.graph import SceneGraph
+from gavel_env.world_model.ontology import category_of
 
 __all__ = ["brief"]
 
@@ -37,9 +37,11 @@ class _Brief:
     def text(self) -> str:
         record = self.record
         spoken = {_name(literal.subject) for literal in self._literals()}
-        lines = [f"ROOMS: {self._rooms()}.", *self._surroundings(), "THINGS, and where they are now:"]
+        lines = [f"ROOMS: {self._rooms()}.", *self._surroundings(), "AT THE START:"]
         lines += [f"- {self._thing_line(p)}" for p in record.placements if {p.category, p.id} & spoken]
         lines += [f"- {self._piece(_piece_of(state), at=True)} {_state(state)} now" for state in record.initial]
+        if lines[-1] == "AT THE START:":
+            del lines[-1]
         count = len(record.tasks)
         lines.append("WANTED at the end:" if count == 1 else f"WANTED at the end, {count} errands in any order:")
         for number, task in enumerate(record.tasks, start=1):
@@ -55,7 +57,8 @@ class _Brief:
     def _rooms(self) -> str:
         counts = Counter(kind for _, kind in self.house.rooms)
         return ", ".join(
-            room_gloss(kind) if n == 1 else f"{n} {room_gloss(kind, several=True)}" for kind, n in sorted(counts.items())
+            room_gloss(kind) if n == 1 else f"{n} {room_gloss(kind, several=True)}"
+            for kind, n in sorted(counts.items())
         )
 
     def _surroundings(self) -> list[str]:
@@ -63,10 +66,10 @@ class _Brief:
         lines = []
         for room in sorted(r for r in involved if r is not None):
             counts = Counter(p.category for p in self.house.pieces if p.room == room)
-            listed = ", ".join(
+            listed = "; ".join(
                 piece_gloss(c) if n == 1 else f"{n} {piece_gloss(c, several=True)}" for c, n in sorted(counts.items())
             )
-            lines.append(f"IN {self._room(room)}: {listed}.")
+            lines.append(f"IN {self._room(room)}: {listed or 'no furniture to speak of'}.")
         return lines
 
     def _instances(self) -> set[str]:
@@ -118,18 +121,25 @@ class _Brief:
         subject = _name(literal.subject)
         if self.house.vocabulary.movables.get(category_of(subject)) is None:
             state = {Predicate.TOGGLED: ("switched on", "switched off"), Predicate.OPEN: ("open", "shut")}
-            return f"{self._target(literal.subject)}: {state[literal.predicate][literal.negated]}"
+            what = self._as_it_is(literal.subject) if literal.negated else self._target(literal.subject)
+            return f"{what}: {state[literal.predicate][literal.negated]}"
         if self.house.vocabulary.movables.get(subject) is None:
             name = f"both of the things called {thing_gloss(category_of(subject))}"
         else:
             name = f"the {thing_gloss(subject)}"
         if literal.object is not None:
             preposition = "on" if literal.predicate is Predicate.ON_TOP else "in"
-            return f"{name}: {preposition} {self._target(literal.object)}"
+            back = "back " if not unmet(Goal((literal,)), self.graph) else ""
+            return f"{name}: {back}{preposition} {self._target(literal.object)}"
         verb = {Predicate.WASHED: "washed", Predicate.DRIED: "dried", Predicate.COOKED: "heated through"}
         machine = self._machine(task, literal.predicate)
         after = "" if subject in placed else ", no matter where it is left"
         return f"{name}: has been {verb[literal.predicate]} (by the {self._piece(machine)}{after})"
+
+    def _as_it_is(self, designator: Designator) -> str:
+        """Return the instance that the scenario has left on or open, in words."""
+        found = fitting(self.graph, designator)
+        return self._piece(next(o for s in self.record.initial if (o := _piece_of(s)) in found), at=True)
 
     def _machine(self, task: TaskSpec, predicate: Predicate) -> str:
         for action in task.parsed_plan():

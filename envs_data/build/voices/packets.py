@@ -12,13 +12,14 @@ import msgspec
 import numpy as np
 
 from envs_data.build.voices.briefs import brief
+from envs_data.build.voices.glosses import piece_gloss
 from envs_data.build.voices.scenarios import SEED
 from envs_data.build.voices.voices import VOICES
 from gavel_env.errors import InstructionError
-from gavel_env.instructions import Instruction
-from gavel_env.ontology import default_ontology
-from gavel_env.scenes import load_scene
-from gavel_env.tasks.vocabulary import default_vocabulary
+from gavel_env.house.scenes import load_scene
+from gavel_env.instructions.record import Instruction
+from gavel_env.instructions.vocabulary import default_vocabulary
+from gavel_env.world_model.ontology import default_ontology
 
 __all__ = ["house_listing", "read_written", "reader_packets", "writer_packets"]
 
@@ -85,7 +86,7 @@ def _matters(category: Any) -> bool:
 def reader_packets(
     records: Mapping[str, Instruction], texts: Mapping[str, str], folder: Path, parts: int, first: int = 1
 ) -> None:
-    """Write `READER.md`, `houses.json`, and `read-A-K.jsonl` and `read-B-K.jsonl`, shuffled differently, K from `first`.
+    """Write `READER.md`, `houses.json`, and `read-A-K.jsonl` and `read-B-K.jsonl`, K from `first`, each shuffled.
 
     Raises:
         InstructionError: a text belongs to no scenario.
@@ -93,7 +94,9 @@ def reader_packets(
     if unknown := sorted(texts.keys() - records.keys()):
         raise InstructionError(f"texts of no scenario: {', '.join(unknown[:5])}")
     movables = ", ".join(f"`{name}`" for name in sorted(default_vocabulary().movables))
-    (folder / "READER.md").write_text((HERE / "reader.md").read_text().replace("MOVABLES\n", movables + "\n", 1))
+    pieces = "; ".join(f"`{name}` {piece_gloss(name)}" for name in sorted(default_vocabulary().furniture))
+    page = (HERE / "reader.md").read_text().replace("MOVABLES\n", movables + "\n", 1)
+    (folder / "READER.md").write_text(page.replace("FURNITURE\n", pieces + "\n", 1))
     scenes = sorted({record.scene for record in records.values()})
     names = {scene: f"house-{number}" for number, scene in enumerate(scenes, start=1)}
     listings = {names[scene]: house_listing(scene) for scene in scenes}

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import msgspec
 
 from gavel_env.errors import InstructionError
-from gavel_env.goals import Designator, Goal, Literal, Predicate, fitting, unmet
-from gavel_env.graph import SceneGraph
+from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate, fitting, unmet
+from gavel_env.world_model.graph import SceneGraph
 
 __all__ = ["Claim", "Reading", "ReadTask", "claim", "denotation", "parse_claim", "read_readings", "satisfied"]
 

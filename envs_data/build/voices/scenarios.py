@@ -13,8 +13,8 @@ import numpy as np
 from envs_data.build.voices.shapes import MULTI_SHARES, SINGLE_SHARES, draw_errand, initial_states
 from envs_data.build.voices.voices import VOICES, manners_for
 from gavel_env.errors import InstructionError
-from gavel_env.grounding import instruction_graph
-from gavel_env.instructions import Instruction, Placement, TaskSpec
+from gavel_env.instructions.initial_graph import instruction_graph
+from gavel_env.instructions.record import Instruction, Placement, TaskSpec
 from gavel_env.tasks.certificate import certify
 from gavel_env.tasks.drafts import Draft, Thing
 from gavel_env.tasks.driving import drive
@@ -49,6 +49,7 @@ _TASKS = (2, 3, 2, 4, 3, 2, 3, 5)
 _ATTEMPTS = 60
 
 Kind = Literal["single", "multi"]
+Asked = tuple[str, tuple[str, ...]]  # scene, goal
 
 
 def faults(record: Instruction) -> list[str]:
@@ -74,14 +75,14 @@ def draw(kind: Kind, count: int, seed: int = SEED, scenes: Sequence[str] = SCENE
         InstructionError: no scenario could be certified in a scene.
     """
     voices = sorted(VOICES)
-    seen: set[tuple[str, tuple[str, ...]]] = set()
+    seen: set[Asked] = set()
     for index in range(count):
         name = scenes[index % len(scenes)]
         voice = voices[(index + index // len(scenes)) % len(voices)]
         yield _one(kind, index, seed, load_house(name), voice, seen)
 
 
-def _one(kind: Kind, index: int, seed: int, house: House, voice: str, seen: set[tuple[str, tuple[str, ...]]]) -> Instruction:
+def _one(kind: Kind, index: int, seed: int, house: House, voice: str, seen: set[Asked]) -> Instruction:
     reason = "no errand fits"
     for attempt in range(_ATTEMPTS):
         rng = np.random.default_rng([seed, int(kind == "multi"), index, attempt])

@@ -1,9 +1,10 @@
-"""Errands that people ask for and the benchmarks lack: off, open, shut, two of a kind, one thing out, there and back."""
+"""Errands that people ask for and the benchmarks lack: off, open, shut, two of a kind, one out, there and back."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from gavel_env.instructions.vocabulary import Theme
 from gavel_env.tasks.drafts import Draft, Thing
 from gavel_env.tasks.errands import (
     ANY_THEME,
@@ -90,10 +91,13 @@ def take_one_out(draft: Draft) -> Errand | None:
 
 def there_and_back(draft: Draft) -> Errand | None:
     """Wash, dry or heat a thing and bring it back to where it was."""
-    kinds = ("washed", "dried", "cooked")
-    state = pick(draft.rng, kinds)
-    themes = {"washed": ("dish", "laundry"), "dried": ("laundry",), "cooked": ("hot_food",)}[state]
-    thing = draw_thing(draft, [pick(draft.rng, themes)], on_a_surface, say=1.0)  # type: ignore[list-item]
+    themes: dict[str, tuple[Theme, ...]] = {
+        "washed": ("dish", "laundry"),
+        "dried": ("laundry",),
+        "cooked": ("hot_food",),
+    }
+    state = pick(draft.rng, list(themes))
+    thing = draw_thing(draft, [pick(draft.rng, themes[state])], on_a_surface, say=1.0)
     if thing is None or thing.source is None:
         return None
     ontology = draft.house.ontology
@@ -176,7 +180,7 @@ MULTI_SHARES = {
 
 
 def draw_errand(draft: Draft, shape: str, attempts: int = 40) -> Errand | None:
-    """Draw an errand of a shape that shares nothing with those of the draft, and note what it uses; None if none fits."""
+    """Draw an errand of a shape that shares nothing with those of the draft, and note it; None if none fits."""
     kept_things, kept = list(draft.things), dict(draft.references)
     for _ in range(attempts):
         errand = BUILDS[shape](draft)

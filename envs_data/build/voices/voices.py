@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from gavel_env.instructions import Instruction
+from gavel_env.instructions.record import Instruction
 
 __all__ = ["MANNERS", "VOICES", "manners_for"]
 
