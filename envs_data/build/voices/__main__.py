@@ -42,7 +42,6 @@ def _parser() -> argparse.ArgumentParser:
     merging.add_argument("scenarios", type=Path)
     merging.add_argument("folder", type=Path)
     merging.add_argument("--out", type=Path, required=True)
-    merging.add_argument("--keep-breadth", action="store_true", help="keep what readers understood differently broadly")
     return parser
 
 
@@ -69,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.command == "merge":
         from envs_data.build.voices.merge import merge_files
 
-        return merge_files(scenarios, folder, arguments.out, keep_breadth=arguments.keep_breadth)
+        return merge_files(scenarios, folder, arguments.out)
     only = _only(arguments.ids)
     if arguments.command == "write":
         chosen = [r for r in scenarios.values() if only is None or r.id in only]
