@@ -88,7 +88,7 @@ def make(
     name: str,
     *,
     understanding: Understanding | str | None = "rules",
-    planner: ChatModel | str | None = None,
+    planner: ChatModel | str | None = "classical",
     prior: Prior | str = "choice",
     profile: Profile | str = "paper",
     ontology: Ontology | None = None,
@@ -104,8 +104,8 @@ def make(
         name: one of `agent_names()`, or `gavel` for `gavel-full`.
         understanding: an `Understanding` or its name: `rules`, `reference` (what the shipped records say), `adapter`,
             `llm` (the planner's model).
-        planner: a `ChatModel` or its spec, such as `openai:MODEL@URL` or `replay:single`; methods that ask none need
-            none.
+        planner: a `ChatModel` or its spec, such as `openai:MODEL@URL` or `replay:single`; default a classical planner
+            in the model's place. Methods that ask none need none.
         prior: where objects of a category usually are: a `Prior` or its name, `choice`, `rsn` or `uniform`.
         profile: rules profile, `paper` or `omnigibson`.
         ontology: affordances; default the shipped ones.
@@ -125,7 +125,7 @@ def make(
 
     options: dict[str, Any] = {
         "understanding": understanding,
-        "planner": planner if planner is not None else model,
+        "planner": planner if model is None else model,
         "prior": prior,
         "profile": profile,
         "ontology": ontology,
