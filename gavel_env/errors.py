@@ -18,6 +18,7 @@ __all__ = [
     "BadRobotConfig",
     "BadSearchPrior",
     "DataError",
+    "EndpointError",
     "GavelError",
     "InstructionError",
     "MalformedAction",
@@ -27,8 +28,10 @@ __all__ = [
     "NotInstalled",
     "NotRecorded",
     "PddlNameError",
+    "RunStopped",
     "SceneError",
     "TooManyNodes",
+    "Unencodable",
     "Ungroundable",
     "UnknownActivity",
     "UnknownAgent",
@@ -212,6 +215,10 @@ class ModelError(GavelError):
     """A model did not answer: not reachable, not known, not allowed, or nothing but nonsense."""
 
 
+class EndpointError(ModelError):
+    """The server does not answer, or not to this key or model: the next prompt will fare no better."""
+
+
 class NotRecorded(GavelError):
     """A prompt is not in the recording."""
 
@@ -225,6 +232,14 @@ class NotInstalled(GavelError):
 
 class BadPlugin(GavelError):
     """A module that should register agents cannot be imported."""
+
+
+class RunStopped(GavelError):
+    """A run has stopped early; its records are kept, and it can be resumed."""
+
+
+class Unencodable(GavelError):
+    """A record holds something that JSON cannot say, or that its schema does not allow."""
 
 
 class WorkerFailed(GavelError):

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from datetime import datetime
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eval.commands._families import family_parser
+from eval.commands._runs import add_how, add_shown, names, positive, run_shown, seeds
 
 if TYPE_CHECKING:
     from gavel_env.instructions.record import InstructionSet
@@ -34,7 +31,7 @@ def register(subparsers: Any) -> None:
 
 def _add_options(parser: argparse.ArgumentParser) -> None:
     what = parser.add_argument_group("what is run")
-    what.add_argument("--agents", type=_names, metavar="A,B", help="names; default: all that can run")
+    what.add_argument("--agents", type=names, metavar="A,B", help="names; default: all that can run")
     what.add_argument("--kind", choices=tuple(_KINDS), help="kind of instructions (default: both; with files: all)")
     what.add_argument(
         "--instructions", action="append", metavar="FILE.jsonl", help="instead of the shipped ones; repeatable"
@@ -53,59 +50,19 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--prior", default="choice", metavar="NAME", help="location prior: choice (default), rsn or uniform"
     )
-    what.add_argument("--seeds", type=_seeds, default=(0,), metavar="0,1", help="default: 0")
-    what.add_argument("--sample", type=_positive, metavar="N", help="only N of each kind, drawn by the hash of the id")
-    what.add_argument("--limit", type=_positive, metavar="N", help="only the first N of them")
+    what.add_argument("--seeds", type=seeds, default=(0,), metavar="0,1", help="default: 0")
+    what.add_argument("--sample", type=positive, metavar="N", help="only N of each kind, drawn by the hash of the id")
+    what.add_argument("--limit", type=positive, metavar="N", help="only the first N of them")
     what.add_argument("--profile", choices=("paper", "omnigibson"), default="paper", help="rules profile")
     what.add_argument(
         "--plugin", action="append", default=[], metavar="MODULE", help="module that registers agents; repeatable"
     )
-    how = parser.add_argument_group("how it is run")
-    how.add_argument("--out", metavar="DIR", help="folder for the records (default: runs/DATE-TIME)")
-    how.add_argument(
-        "--workers", type=_positive, default=1, metavar="N", help="processes (default: 1); results do not depend on it"
-    )
-    how.add_argument("--timeout", type=float, metavar="S", help="seconds of wall clock per episode (default: none)")
-    how.add_argument("--max-steps", type=_positive, default=300, metavar="N", help="actions per episode (default: 300)")
-    existing = how.add_mutually_exclusive_group()
-    existing.add_argument("--resume", action="store_true", help="continue the records in --out")
-    existing.add_argument("--fresh", action="store_true", help="set the records in --out aside and start anew")
-    how.add_argument(
-        "--retry", type=_names, default=(), metavar="error,timeout", help="with --resume: run these outcomes again"
-    )
-    shown = parser.add_argument_group("what is shown")
-    shown.add_argument("--format", choices=("terminal", "markdown", "csv", "latex"), default="terminal")
+    add_how(parser)
+    add_shown(parser)
+    shown = parser.add_argument_group("what else is shown")
     shown.add_argument("--failures", action="store_true", help="also count the episodes of every failure class")
-    shown.add_argument("--costs", action="store_true", help="also calls, tokens and seconds by stage")
-    shown.add_argument("--compare", type=_names, metavar="A,B", help="agents whose metres are matched")
-    shown.add_argument("--quiet", action="store_true", help="no progress")
-
-
-def _names(text: str) -> tuple[str, ...]:
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
-    if not names:
-        raise argparse.ArgumentTypeError("needs at least one name")
-    return names
-
-
-def _seeds(text: str) -> tuple[int, ...]:
-    try:
-        seeds = tuple(int(part) for part in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no list of whole numbers such as 0,1,2") from None
-    if min(seeds) < 0:
-        raise argparse.ArgumentTypeError(f"{text!r}: seeds are not negative")
-    return seeds
-
-
-def _positive(text: str) -> int:
-    try:
-        number = int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is less than 1")
-    return number
+    shown.add_argument("--costs", action="store_true", help="also calls, tokens, cost and seconds by stage")
+    shown.add_argument("--compare", type=names, metavar="A,B", help="agents whose metres are matched")
 
 
 def _eval(arguments: argparse.Namespace) -> int:
@@ -114,9 +71,8 @@ def _eval(arguments: argparse.Namespace) -> int:
     from eval.report.tables import results
     from eval.run.contestants import choose, compared_by_default, default_agents, default_planners
     from eval.run.episodes import EnvironmentSettings
-    from eval.run.progress import RunProgress
     from eval.run.rig import import_plugins
-    from eval.run.runner import run, schedule
+    from eval.run.runner import schedule
 
     import_plugins(arguments.plugin)
     settings = EnvironmentSettings(profile=arguments.profile, max_steps=arguments.max_steps)
@@ -143,33 +99,12 @@ def _eval(arguments: argparse.Namespace) -> int:
         settings=settings,
         plugins=arguments.plugin,
     )
-    out = Path(arguments.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}")
-    with RunProgress() as progress, _saying_how_to_resume(out):
-        path = run(
-            plan,
-            out,
-            existing="resume" if arguments.resume else "fresh" if arguments.fresh else "refuse",
-            retry=arguments.retry,
-            arguments={k: v for k, v in sorted(vars(arguments).items()) if k != "run"},
-            workers=arguments.workers,
-            timeout_s=arguments.timeout,
-            report=None if arguments.quiet else progress.advance,
-            started=None if arguments.quiet else progress.started,
-        )
+    path, status = run_shown(arguments, plan)
     found = results(read_records([path]), arguments.compare)
     sys.stdout.write(render(found, arguments.format, failures=arguments.failures, costs=arguments.costs))
     if not arguments.quiet:
         print(f"gavel eval: records in {path}", file=sys.stderr)
-    return 0
-
-
-@contextmanager
-def _saying_how_to_resume(out: Path) -> Iterator[None]:
-    try:
-        yield
-    except KeyboardInterrupt:
-        print(f"gavel eval: the records so far are in {out}; --out {out} --resume continues", file=sys.stderr)
-        raise
+    return status
 
 
 def _files(paths: list[str] | None, kind: str | None) -> list[InstructionSet]:

@@ -6,6 +6,8 @@ import argparse
 import time
 from typing import Any
 
+from eval.commands._runs import seeds
+
 __all__ = ["register"]
 
 _AGENTS = "llm-only,gavel-basic,gavel-full,sayplan"
@@ -26,6 +28,7 @@ def register(subparsers: Any) -> None:
     )
     parser.add_argument("--prior", default="choice", metavar="NAME", help="location prior (default: choice)")
     parser.add_argument("--profile", choices=("paper", "omnigibson"), default="paper", help="rules profile")
+    parser.add_argument("--seeds", type=seeds, default=(0,), metavar="0,1", help="of the model's sampling (default: 0)")
     parser.add_argument(
         "--threads", type=_positive, default=2, metavar="N", help="prompts asked at the same time (default: 2)"
     )
@@ -52,7 +55,7 @@ def _run(arguments: argparse.Namespace) -> int:
     agents = arguments.agents.split(",")
     model = recorder(arguments.planner, arguments.out, arguments.threads)
     begun = time.monotonic()
-    total = len(agents) * len(chosen)
+    total = len(agents) * len(chosen) * len(arguments.seeds)
     for number, asked in enumerate(
         record(
             model,
@@ -62,6 +65,7 @@ def _run(arguments: argparse.Namespace) -> int:
             prior=arguments.prior,
             profile=Profile(arguments.profile),
             threads=arguments.threads,
+            seeds=arguments.seeds,
         ),
         start=1,
     ):

@@ -15,13 +15,12 @@ from typing import NamedTuple
 
 import msgspec
 
+from eval.records.encoding import LINE, encoded
 from eval.records.schema import EpisodeKey, EpisodeRecord, RunHeader
-from eval.records.scrub import scrub_secrets
 from gavel_env.errors import DataError
 
 __all__ = ["RecordFile", "RecordWriter", "read_records"]
 
-_LINE = msgspec.json.Decoder(RunHeader | EpisodeRecord)
 _SCHEMAS = ("gavel-run/1", "gavel-record/1")
 
 
@@ -63,8 +62,8 @@ def read_records(paths: Iterable[str | Path]) -> RecordFile:
                 damaged.append(f"{file}:{number}: torn last line")
                 continue
             try:
-                entry = _LINE.decode(line)
-            except msgspec.DecodeError as error:
+                entry = LINE.decode(line)
+            except (msgspec.DecodeError, UnicodeDecodeError) as error:
                 _refuse_other_version(line, f"{file}:{number}")
                 damaged.append(f"{file}:{number}: {error}")
                 continue
@@ -80,7 +79,7 @@ def read_records(paths: Iterable[str | Path]) -> RecordFile:
 def _refuse_other_version(line: bytes, place: str) -> None:
     try:
         schema = msgspec.json.decode(line, type=_Schema).schema
-    except msgspec.DecodeError:
+    except (msgspec.DecodeError, UnicodeDecodeError):
         return
     if schema.startswith("gavel-") and schema not in _SCHEMAS:
         raise DataError(f"{place}: schema {schema!r} is not known here; known: {', '.join(_SCHEMAS)}")
@@ -122,13 +121,33 @@ class RecordWriter:
         if content and not content.endswith(b"\n"):
             os.ftruncate(self._descriptor, content.rfind(b"\n") + 1)
 
+    def set_aside(self) -> Path | None:
+        """Rename what is there, while it is locked, and begin anew; return its new name, or None if it is empty.
+
+        Raises:
+            DataError: the file cannot be renamed, or another run has begun there.
+        """
+        if not self.path.stat().st_size:
+            return None
+        aside = _free_name(self.path)
+        try:
+            self.path.rename(aside)
+            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+            _lock(descriptor)
+        except OSError as error:
+            raise DataError(f"records {self.path} cannot be set aside: {error.strerror}") from error
+        os.close(self._descriptor)
+        self._descriptor = descriptor
+        return aside
+
     def write(self, entry: RunHeader | EpisodeRecord) -> None:
         """Append one line and flush it to the disk.
 
         Raises:
+            Unencodable: the entry cannot be written as JSON.
             DataError: the disk did not take the whole line.
         """
-        line = scrub_secrets(msgspec.json.encode(entry).decode()).encode() + b"\n"
+        line = encoded(entry)
         try:
             written = os.write(self._descriptor, line)
             os.fsync(self._descriptor)
@@ -150,3 +169,10 @@ class RecordWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _free_name(path: Path) -> Path:
+    number = 1
+    while (name := path.with_name(f"{path.stem}.{number}{path.suffix}")).exists():
+        number += 1
+    return name

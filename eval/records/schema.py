@@ -24,6 +24,7 @@ __all__ = [
     "RejectedLine",
     "RunHeader",
     "Step",
+    "Usage",
 ]
 
 OUTCOMES: Mapping[str, str] = {
@@ -66,6 +67,8 @@ class Step(msgspec.Struct, frozen=True, omit_defaults=True):
         reached: instance that a `NavigateTo` reached.
         route: turning points of the drive, (x, y) in metres to 1 cm.
         detail: the violation in full, with its blocker.
+        search_prior: room -> weight, the order in which the agent asked rooms to be searched.
+        other_than: observed ids that the target was not to be.
     """
 
     action: str
@@ -74,6 +77,21 @@ class Step(msgspec.Struct, frozen=True, omit_defaults=True):
     reached: str | None = None
     route: tuple[tuple[float, float], ...] = ()
     detail: str = ""
+    search_prior: dict[str, float] = {}
+    other_than: tuple[str, ...] = ()
+
+
+class Usage(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What an episode really asked of a model; answers that it shared with others, or that came from a file, are free.
+
+    Attributes:
+        calls: completions that were asked for.
+        prompt_tokens, completion_tokens: of these, as the backend counted them.
+    """
+
+    calls: int = 0
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
 
 
 class Contestant(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -191,7 +209,11 @@ class EpisodeRecord(msgspec.Struct, frozen=True, kw_only=True, tag_field="schema
         contestant: who did it.
         model, decoding: name and decoding settings of the language model, as it reports them.
         method: the agent's configuration, as it reports it.
-        trace: tasks with plans before and after repair, verdicts, attempts, order, prompts' hashes, raw answers.
+        trace: tasks with plans before and after repair, verdicts of every attempt, order, prompts' hashes.
+        calls: ids of every call of a model, in order, in `eval.records.conversations`; empty in records of older runs,
+            whose traces have the raw answers.
+        usage: what was really asked of the model for this episode.
+        misread: what was understood other than the instruction's record says, such as `goal: missing cooked(pie)`.
         steps: what was executed.
         metres: driven in all.
         seconds: `setup`, `agent` (in its `reset` and `act`) and `execute`; planning by stage is in the trace.
@@ -218,6 +240,9 @@ class EpisodeRecord(msgspec.Struct, frozen=True, kw_only=True, tag_field="schema
     decoding: dict[str, Any] = {}
     method: dict[str, Any] = {}
     trace: AgentTrace = msgspec.field(default_factory=AgentTrace)
+    calls: tuple[str, ...] = ()
+    usage: Usage = Usage()
+    misread: tuple[str, ...] = ()
     steps: tuple[Step, ...] = ()
     metres: float = 0.0
     seconds: dict[str, float] = {}

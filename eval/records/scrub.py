@@ -1,4 +1,7 @@
-"""What must not reach a record: keys, tokens and other values of environment variables."""
+"""What must not reach a record: keys, tokens and other values of environment variables.
+
+Values are scrubbed before they are encoded, so that no secret hides behind an escape and no encoding is broken by one.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,10 @@ import os
 import re
 import traceback
 from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
 
-__all__ = ["describe_error", "scrub", "scrub_secrets"]
+__all__ = ["describe_error", "scrub", "scrub_secrets", "scrubbed"]
 
 _SECRET_NAME = re.compile(r"key|token|secret|passw|credential|auth|cookie", re.IGNORECASE)
 _SECRET_SHAPE = re.compile(
@@ -18,6 +23,33 @@ _SECRET_SHAPE = re.compile(
 _SHORTEST_VALUE = 8
 _MOST_CHARACTERS = 8000
 
+_Replaced = tuple[tuple[str, str], ...]
+
+
+def _values(environment: Mapping[str, str] | None, *, secrets: bool) -> _Replaced:
+    """Return (value, what to write instead) of environment variables, longest values first."""
+    environment = os.environ if environment is None else environment
+    found = [
+        (value, f"[{name}]")
+        for name, value in environment.items()
+        if len(value) >= _SHORTEST_VALUE and (not secrets or _SECRET_NAME.search(name))
+    ]
+    return tuple(sorted(found, key=lambda item: (-len(item[0]), item[1])))
+
+
+@lru_cache(maxsize=8)
+def _pattern(values: _Replaced) -> tuple[re.Pattern[str] | None, dict[str, str]]:
+    by_value = dict(reversed(values))
+    text = "|".join(re.escape(value) for value, _ in values)
+    return (re.compile(text) if text else None), by_value
+
+
+def _without(text: str, values: _Replaced) -> str:
+    pattern, names = _pattern(values)
+    if pattern is not None:
+        text = pattern.sub(lambda match: names[match.group()], text)
+    return _SECRET_SHAPE.sub("[removed]", text)
+
 
 def scrub_secrets(text: str, environment: Mapping[str, str] | None = None) -> str:
     """Return the text without anything that is, or looks like, a key, token or password.
@@ -26,21 +58,34 @@ def scrub_secrets(text: str, environment: Mapping[str, str] | None = None) -> st
         text: to be written down.
         environment: environment variables; default those of the process.
     """
-    environment = os.environ if environment is None else environment
-    for name, value in sorted(environment.items(), key=lambda item: (-len(item[1]), item[0])):
-        if len(value) >= _SHORTEST_VALUE and _SECRET_NAME.search(name):
-            text = text.replace(value, f"[{name}]")
-    return _SECRET_SHAPE.sub("[removed]", text)
+    return _without(text, _values(environment, secrets=True))
 
 
 def scrub(text: str, environment: Mapping[str, str] | None = None) -> str:
     """Return the text without secrets and without any longer value of an environment variable."""
-    environment = os.environ if environment is None else environment
-    text = scrub_secrets(text, environment)
-    for name, value in sorted(environment.items(), key=lambda item: (-len(item[1]), item[0])):
-        if len(value) >= _SHORTEST_VALUE:
-            text = text.replace(value, f"[{name}]")
-    return text
+    return _without(scrub_secrets(text, environment), _values(environment, secrets=False))
+
+
+def scrubbed(value: Any, kept: frozenset[str] = frozenset()) -> Any:
+    """Return JSON-like data without secrets in any of its strings, keys included; characters that no UTF-8 has are `?`.
+
+    Args:
+        value: dicts, lists, tuples, strings, numbers and None.
+        kept: keys whose values are the program's own words and stay as they are.
+    """
+    values = _values(None, secrets=True)
+
+    def clean(value: Any) -> Any:
+        if isinstance(value, str):
+            text = value if value.isascii() else value.encode("utf-8", "replace").decode("utf-8")
+            return _without(text, values)
+        if isinstance(value, dict):
+            return {clean(key): item if key in kept else clean(item) for key, item in value.items()}
+        if isinstance(value, list | tuple):
+            return [clean(item) for item in value]
+        return value
+
+    return clean(value)
 
 
 def describe_error(error: BaseException) -> str:

@@ -98,6 +98,8 @@ def step_record(action: EnvAction, info: Mapping[str, Any]) -> Step:
         reached=observed.reached,
         route=simplified(observed.layout.points(np.asarray(info["route"], np.int32))) if info["route"] else (),
         detail="" if violation is None else str(violation),
+        search_prior=dict(action.search_prior or {}),
+        other_than=tuple(action.other_than),
     )
 
 

@@ -58,9 +58,18 @@ class RunProgress:
             self._task = self._bar.add_task("episodes", total=scheduled, completed=done)
             self._bar.start()
 
-    def advance(self, record: EpisodeRecord) -> None:
-        """Count one new record."""
+    def count(self, record: EpisodeRecord) -> None:
+        """Count one new record, and show nothing."""
         self._outcomes[record.outcome] += 1
+
+    @property
+    def all_failed(self) -> bool:
+        """Whether there are new records, and each of them is of an error."""
+        return 0 < self._outcomes.total() == self._outcomes["error"]
+
+    def advance(self, record: EpisodeRecord) -> None:
+        """Count one new record and show how far the run is."""
+        self.count(record)
         if self._bar is not None:
             self._bar.update(self._task, advance=1, description=self._summary())
             return

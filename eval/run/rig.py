@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import sys
+import threading
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import gymnasium as gym
 import msgspec
 
 import gavel_agents
 import gavel_env  # noqa: F401  (registers the environments)
+from eval.records.conversations import Exchange
+from eval.records.encoding import sound
 from eval.records.schema import Contestant, EpisodeRecord, Step
 from eval.records.scrub import describe_error, scrub
 from eval.run.episodes import EnvironmentSettings, Episode, classify, step_record
+from eval.run.misreading import misread
+from eval.run.planners import EpisodeModel, Planners, usage
 from gavel_agents.agent import Agent, AgentTrace, Privileged
-from gavel_agents.llm import ChatModel, load_model, tell
-from gavel_agents.understanding import Understanding, load_understanding
+from gavel_agents.llm import ChatModel, tell
+from gavel_agents.llm.sharing import SharingModel
+from gavel_agents.understanding import ModelUnderstanding, Understanding, load_understanding
 from gavel_env.errors import BadPlugin, GavelError
 from gavel_env.instructions.record import Instruction
 from gavel_env.world_model.goals import unmet
@@ -30,6 +37,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ENVIRONMENTS",
     "BadPlugin",
+    "Finished",
     "Rig",
     "import_plugins",
 ]
@@ -58,11 +66,24 @@ ENVIRONMENTS: Mapping[str, str] = {
 """Kind of instruction -> id of its environment."""
 
 
+class Finished(NamedTuple):
+    """An episode that has ended.
+
+    Attributes:
+        record: of it; `calls` are filled in by whoever stores the exchanges.
+        exchanges: every call of a model, in order.
+    """
+
+    record: EpisodeRecord
+    exchanges: tuple[Exchange, ...] = ()
+
+
 class _Progress:
     """What an episode has come to so far; kept outside `Rig._play`, so that a crash leaves it to be recorded."""
 
-    def __init__(self, model: ChatModel | None) -> None:
-        self.model = model
+    def __init__(self) -> None:
+        self.model: ChatModel | None = None
+        self.exchanges: list[Exchange] = []
         self.agent: Agent | None = None
         self.steps: list[Step] = []
         self.metres = 0.0
@@ -73,32 +94,52 @@ class _Progress:
         """Return them as fields of a record."""
         trace = getattr(self.agent, "trace", None)
         config = getattr(self.agent, "config", None)
+        trace = trace if isinstance(trace, AgentTrace) else AgentTrace()
+        if self.exchanges:  # they hold the answers
+            trace = msgspec.structs.replace(trace, completions=[])
         return {
             "privileged": isinstance(self.agent, Privileged),
             "steps": tuple(self.steps),
             "metres": round(self.metres, 3),
             "seconds": {stage: round(spent, 6) for stage, spent in self.seconds.items()},
-            "trace": trace if isinstance(trace, AgentTrace) else AgentTrace(),
+            "trace": trace,
+            "usage": usage(self.exchanges),
             "model": self.model.name if self.model else "",
             "decoding": dict(self.model.decoding) if self.model else {},
             "method": msgspec.to_builtins(config) if isinstance(config, msgspec.Struct) else {},
         }
 
+    def fields_if_any(self) -> dict[str, Any]:
+        """Return them, or nothing if the agent raises when it is asked for its trace."""
+        try:
+            return self.fields()
+        except Exception:  # noqa: BLE001  the episode boundary
+            return {}
+
 
 class Rig:
-    """Runs episodes; builds environments and what agents share (models, understandings, priors) once."""
+    """Runs episodes; builds environments and what agents share (models, understandings, priors) once.
 
-    def __init__(self, settings: EnvironmentSettings, plugins: Sequence[str] = ()) -> None:
+    Several threads may run episodes of one rig at the same time, once `check` has returned.
+    """
+
+    def __init__(self, settings: EnvironmentSettings, plugins: Sequence[str] = (), connections: int = 1) -> None:
         """Import the plugins, whose import registers agents.
+
+        Args:
+            settings: of the environments.
+            plugins: modules.
+            connections: calls of each language model under way at the same time.
 
         Raises:
             BadPlugin: a module cannot be imported.
         """
         import_plugins(plugins)
         self.settings = settings
-        self._environments: dict[str, gym.Env[Any, Any]] = {}
-        self._models: dict[str, ChatModel] = {}
-        self._understandings: dict[tuple[str, str], Understanding] = {}
+        self._planners = Planners(connections)
+        self._turn = threading.Lock()
+        self._idle: dict[str, list[gym.Env[Any, Any]]] = {}
+        self._understandings: dict[str, Understanding] = {}
 
     def check(self, episodes: Iterable[Episode]) -> None:
         """Build every contestant's agent once, so that what can never run is said before anything runs.
@@ -112,54 +153,85 @@ class Rig:
                 seen.add(episode.contestant.config)
                 self.agent(episode.contestant, episode.instruction, episode.key.seed)
 
-    def agent(self, contestant: Contestant, instruction: Instruction, seed: int) -> Agent:
+    def warm(self, episodes: Iterable[Episode]) -> None:
+        """Begin an episode of every kind in this thread: what is loaded or compiled at first use is so from here on."""
+        seen = set()
+        for episode in episodes:
+            if episode.instruction is not None and episode.kind not in seen:
+                seen.add(episode.kind)
+                env = self._take_environment(episode.kind, episode.instruction)
+                with contextlib.suppress(GavelError):  # said when its own turn comes
+                    env.reset(seed=episode.key.seed, options={"instruction": episode.instruction})
+                self._give_back(episode.kind, env)
+
+    def agent(
+        self, contestant: Contestant, instruction: Instruction, seed: int, exchanges: list[Exchange] | None = None
+    ) -> Agent:
         """Return a fresh agent, so that no episode depends on which ones ran before it.
+
+        Args:
+            contestant: which agent, with what.
+            instruction: that it will be given; only the reference understanding looks into it.
+            seed: of the agent and of the model's sampling.
+            exchanges: to which every call of a model is appended.
 
         Raises:
             GavelError: the contestant's agent, planner, understanding or prior is not known or not usable.
         """
+        exchanges = [] if exchanges is None else exchanges
+        planner = self._planners.load(contestant.planner)
+        model = None if planner is None else EpisodeModel(planner, exchanges)
         return gavel_agents.make(
             contestant.agent,
-            understanding=self._understanding(contestant, instruction),
-            planner=self._model(contestant.planner),
+            understanding=self._understanding(contestant, instruction, model, exchanges),
+            planner=model,
             prior=contestant.prior or "choice",
             profile=self.settings.profile,
             seed=seed,
         )
 
-    def _understanding(self, contestant: Contestant, instruction: Instruction) -> Understanding | None:
+    def _understanding(
+        self, contestant: Contestant, instruction: Instruction, model: ChatModel | None, exchanges: list[Exchange]
+    ) -> Understanding | None:
         """Return the understanding of a contestant; the reference looks at one instruction, others at none."""
-        name, model = contestant.understanding, self._model(contestant.planner)
+        name = contestant.understanding
         if not name:
             return None
         if name == "reference":
             return load_understanding(name, [instruction])
-        asked = (name, contestant.planner if name == "llm" else "")
-        if asked not in self._understandings:
-            self._understandings[asked] = load_understanding(name, model=model)
-        return self._understandings[asked]
+        if name == "llm":
+            return load_understanding(name, model=model)
+        with self._turn:
+            if name not in self._understandings:
+                loaded = load_understanding(name)
+                self._understandings[name] = (
+                    loaded.asking(SharingModel) if isinstance(loaded, ModelUnderstanding) else loaded
+                )
+            found = self._understandings[name]
+        return found.asking(lambda m: EpisodeModel(m, exchanges)) if isinstance(found, ModelUnderstanding) else found
 
-    def _model(self, planner: str) -> ChatModel | None:
-        if planner and planner not in self._models:
-            self._models[planner] = load_model(planner)
-        return self._models.get(planner)
+    def _take_environment(self, kind: str, instruction: Instruction) -> gym.Env[Any, Any]:
+        """Return an environment that no other episode has; as many are made as episodes are under way at once."""
+        with self._turn:
+            idle = self._idle.setdefault(kind, [])
+            if idle:
+                return idle.pop()
+        return gym.make(
+            ENVIRONMENTS[kind],
+            max_episode_steps=self.settings.max_steps,
+            disable_env_checker=True,
+            instructions=[instruction],
+            profile=self.settings.profile,
+            on_violation="terminate",
+            terminate_on_success=False,
+            **self.settings.options,
+        )
 
-    def _environment(self, kind: str, instruction: Instruction) -> gym.Env[Any, Any]:
-        """Return the environment of a kind, made at its first episode."""
-        if kind not in self._environments:
-            self._environments[kind] = gym.make(
-                ENVIRONMENTS[kind],
-                max_episode_steps=self.settings.max_steps,
-                disable_env_checker=True,
-                instructions=[instruction],
-                profile=self.settings.profile,
-                on_violation="terminate",
-                terminate_on_success=False,
-                **self.settings.options,
-            )
-        return self._environments[kind]
+    def _give_back(self, kind: str, env: gym.Env[Any, Any]) -> None:
+        with self._turn:
+            self._idle[kind].append(env)
 
-    def run(self, episode: Episode, timeout_s: float | None = None) -> EpisodeRecord:
+    def run(self, episode: Episode, timeout_s: float | None = None) -> Finished:
         """Run one episode and return its record; whatever happens, there is one.
 
         Args:
@@ -167,28 +239,33 @@ class Rig:
             timeout_s: seconds after which the episode ends between two actions.
         """
         if episode.instruction is None:
-            return episode.record("rejected", error=scrub(episode.rejected))
-        model = self._model(episode.contestant.planner)
-        tell(model, episode.instruction)
-        progress = _Progress(model)
+            return Finished(sound(episode.record("rejected", error=scrub(episode.rejected))))
+        progress = _Progress()
         try:
-            return self._play(episode, episode.instruction, progress, timeout_s)
-        except (Exception, SystemExit) as error:  # noqa: BLE001  the episode boundary: one crash must not end the run
-            self._environments.pop(episode.kind, None)
+            progress.model = self._planners.load(episode.contestant.planner)
+            tell(progress.model, episode.instruction)
+            record = self._play(episode, episode.instruction, progress, timeout_s)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # noqa: BLE001  the episode boundary: one crash must not end the run
+            fields = progress.fields_if_any()
             if isinstance(error, GavelError) and not progress.started:
-                return episode.record("rejected", error=scrub(str(error)), **progress.fields())
-            name = type(error).__name__
-            return episode.record("error", f"error:{name}", error=describe_error(error), **progress.fields())
+                record = episode.record("rejected", error=scrub(str(error)), **fields)
+            else:
+                name = type(error).__name__
+                record = episode.record("error", f"error:{name}", error=describe_error(error), **fields)
+        return Finished(sound(record), tuple(progress.exchanges))
 
     def _play(
         self, episode: Episode, instruction: Instruction, progress: _Progress, timeout_s: float | None
     ) -> EpisodeRecord:
         clock = time.perf_counter
         begun = clock()
-        env = self._environment(episode.kind, instruction)
+        env = self._take_environment(episode.kind, instruction)
         observation, info = env.reset(seed=episode.key.seed, options={"instruction": instruction})
         progress.started = True
-        agent = progress.agent = self.agent(episode.contestant, instruction, episode.key.seed)
+        contestant = episode.contestant
+        agent = progress.agent = self.agent(contestant, instruction, episode.key.seed, progress.exchanges)
         if isinstance(agent, Privileged):
             agent.reveal(env.unwrapped)
         entered = clock()
@@ -218,11 +295,15 @@ class Rig:
         hidden = env_world.privileged_state().graph
         fields = progress.fields()
         outcome, failure = classify(stopped_by, judgement, fields["trace"].stopped)
-        return episode.record(
+        own = contestant.understanding not in ("", "reference")
+        record = episode.record(
             outcome,
             failure,
             unmet=judgement.unmet,
             unsafe=judgement.unsafe,
             tasks_met=tuple(not unmet(task.parsed_goal(), hidden) for task in instruction.tasks),
+            misread=misread(fields["trace"], instruction) if own and fields["trace"].tasks else (),
             **fields,
         )
+        self._give_back(episode.kind, env)  # one in which something raised is not used again
+        return record

@@ -6,6 +6,7 @@ has a record is not run again; so a killed run, resumed, ends in the same table 
 
 from __future__ import annotations
 
+import threading
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from importlib import resources
@@ -15,6 +16,8 @@ from typing import Any, Literal
 
 import msgspec
 
+from eval.records.conversations import ConversationWriter, conversations_beside, conversations_of
+from eval.records.encoding import sound
 from eval.records.journal import RecordWriter, read_records
 from eval.records.provenance import code_version, data_stamp, file_stamp, now, stamp, versions
 from eval.records.sampling import sample
@@ -27,8 +30,11 @@ from eval.records.schema import (
     RunHeader,
 )
 from eval.run.episodes import EnvironmentSettings, Episode
-from eval.run.workers import run_episodes
-from gavel_env.errors import DataError
+from eval.run.limits import Limits, check_endpoints, within
+from eval.run.planners import default_connections
+from eval.run.rig import Finished
+from eval.run.workers import groups_of, run_episodes
+from gavel_env.errors import DataError, Unencodable
 from gavel_env.instructions.record import Instruction, InstructionSet
 
 __all__ = ["Schedule", "contestant", "run", "schedule"]
@@ -195,7 +201,12 @@ def run(
     retry: Collection[str] = (),
     arguments: Mapping[str, Any] | None = None,
     workers: int = 1,
+    connections: int | None = None,
     timeout_s: float | None = None,
+    shard: tuple[int, int] | None = None,
+    executor: Literal["local", "ray"] = "local",
+    address: str | None = None,
+    limits: Limits | None = None,
     report: Callable[[EpisodeRecord], None] | None = None,
     started: Callable[[int, int], None] | None = None,
 ) -> Path:
@@ -203,57 +214,85 @@ def run(
 
     Args:
         plan: what to run.
-        out: folder of the run; its records go to `records.jsonl` there.
+        out: folder of the run; its records go to `records.jsonl` there, what models were asked and answered to
+            `conversations.jsonl.gz`.
         existing: what to do if the folder has records: refuse, continue with them, or set them aside.
         retry: outcomes to run again, such as "error"; the new record takes the place of the old one.
         arguments: for the header.
-        workers: processes.
+        workers: processes; records do not depend on them, nor on what follows up to `address`.
+        connections: calls of each language model under way at once; None = several where planners are servers.
         timeout_s: seconds of wall clock per episode.
+        shard: (K, N): run only the K-th of N parts, counted from 1.
+        executor: `local`, or `ray` for a Ray cluster.
+        address: of the cluster; None = one that is found, or a local one.
+        limits: when to stop early; default: after five endpoint failures in a row.
         report: called with every new record, after it has been written.
         started: called once with the number of episodes scheduled and the number already done.
 
     Raises:
         DataError: the folder has records and `existing` is "refuse", or the file cannot be written.
+        RunStopped: a limit was reached, or an endpoint does not answer; what has been run is in the folder.
         GavelError: a contestant cannot be built.
     """
+    limits = limits or Limits()
     path = Path(out) / "records.jsonl"
-    if path.exists() and path.stat().st_size:
-        if existing == "refuse":
-            raise DataError(f"{path} has records already; --resume continues them, --fresh sets them aside")
-        if existing == "fresh":
-            path.rename(_free_name(path))
+    if existing == "refuse" and path.exists() and path.stat().st_size:
+        raise DataError(f"{path} has records already; --resume continues them, --fresh sets them aside")
     header = plan.header(arguments or {})
     with RecordWriter(path) as writer:
+        stored = conversations_of(path)
+        if existing == "fresh" and (aside := writer.set_aside()) is not None and stored.exists():
+            stored.rename(conversations_beside(aside))
         done = read_records([path]).records if path.stat().st_size else {}
         episodes = plan.episodes(header.code)
-        left = [e for e in episodes if e.key not in done or done[e.key].outcome in retry]
+        left = [e for e in _shard(episodes, shard) if e.key not in done or done[e.key].outcome in retry]
+        del done
         if started is not None:
             started(len(episodes), len(episodes) - len(left))
+        planners = sorted({episode.contestant.planner for episode in left} - {""})
+        calls = connections or default_connections(planners)
+        stop = threading.Event()
         try:
-            _write(writer, header, run_episodes(left, plan.settings, plan.plugins, workers, timeout_s), report)
+            if executor == "ray":
+                from eval.run.cluster import run_on_ray
+
+                ran = run_on_ray(left, plan.settings, plan.plugins, address, timeout_s, calls, stop)
+            else:
+                check_endpoints(planners, limits)
+                ran = run_episodes(left, plan.settings, plan.plugins, workers, timeout_s, calls, stop)
+            with ConversationWriter(stored) as conversations:
+                _write(writer, conversations, header, within(ran, limits, stop), report)
         finally:
             if not path.stat().st_size:
                 path.unlink()
     return path
 
 
+def _shard(episodes: Sequence[Episode], shard: tuple[int, int] | None) -> list[Episode]:
+    """Return the episodes of one part; those that may ask the same stay together."""
+    if shard is None:
+        return list(episodes)
+    part, parts = shard
+    return [episode for group in groups_of(episodes)[part - 1 :: parts] for episode in group]
+
+
 def _write(
     writer: RecordWriter,
+    conversations: ConversationWriter,
     header: RunHeader,
-    records: Iterator[EpisodeRecord],
+    ran: Iterator[Finished],
     report: Callable[[EpisodeRecord], None] | None,
 ) -> None:
-    """Write the header and the records; nothing if the first record cannot be made because of wrong use."""
-    first = next(records, None)
+    """Write the header and the records, each behind its calls; nothing if the first shows wrong use."""
+    first = next(ran, None)
     writer.write(header)
-    for record in () if first is None else chain((first,), records):
-        writer.write(record)
+    for record, exchanges in () if first is None else chain((first,), ran):
+        calls = tuple(conversations.add(exchanges)) if exchanges else ()
+        record = msgspec.structs.replace(record, calls=calls)
+        try:
+            writer.write(record)
+        except Unencodable:
+            record = sound(record)
+            writer.write(record)
         if report is not None:
             report(record)
-
-
-def _free_name(path: Path) -> Path:
-    number = 1
-    while (name := path.with_name(f"{path.stem}.{number}{path.suffix}")).exists():
-        number += 1
-    return name

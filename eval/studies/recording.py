@@ -65,6 +65,7 @@ def record(
     prior: str = "choice",
     profile: Profile = Profile.PAPER,
     threads: int = 2,
+    seeds: Sequence[int] = (0,),
 ) -> Iterator[Asked]:
     """Let agents plan all instructions with a (recording) model; yield as each is done, agent by agent.
 
@@ -76,20 +77,23 @@ def record(
         prior: location prior, likewise.
         profile: rules profile, which decides what is complained about.
         threads: instructions planned, and so prompts asked, at the same time.
+        seeds: of the model's sampling; a greedy model is asked once for all of them.
 
     Raises:
         DataError: an agent is none of the methods that ask a model.
         GavelError: the model does not answer; what has not begun by then is not begun.
     """
 
-    def ask(agent: str, instruction: Instruction) -> Asked:
+    def ask(agent: str, instruction: Instruction, seed: int) -> Asked:
         env = gym.make("Gavel-MultiTask-v0", instructions=[instruction], profile=profile.value, observation="symbolic")
         tell(model, instruction)
-        planner = gavel_agents.make(agent, understanding=understanding, model=model, prior=prior, profile=profile)
+        planner = gavel_agents.make(
+            agent, understanding=understanding, model=model, prior=prior, profile=profile, seed=seed
+        )
         if not isinstance(planner, PlanningAgent) or planner.config.source != "model":
             asking = ", ".join(sorted(name for name, config in METHODS.items() if config.source == "model"))
             raise DataError(f"agent {agent!r} is none of the methods that ask a language model: {asking}")
-        planner.reset(*env.reset(seed=0, options={"instruction": instruction.id}))
+        planner.reset(*env.reset(seed=seed, options={"instruction": instruction.id}))
         env.close()
         trace = planner.trace
         verdicts = tuple(task.verdict for task in trace.tasks) or (trace.stopped,)
@@ -98,7 +102,7 @@ def record(
     with ThreadPoolExecutor(max_workers=threads) as pool:
         try:
             for agent in agents:
-                waiting = [pool.submit(ask, agent, instruction) for instruction in instructions.values()]
+                waiting = [pool.submit(ask, agent, one, seed) for seed in seeds for one in instructions.values()]
                 for done in as_completed(waiting):
                     yield done.result()
         finally:

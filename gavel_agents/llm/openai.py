@@ -9,7 +9,7 @@ from typing import Any
 
 from gavel_agents.llm.grammar import json_schema, plan_schema
 from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, decoding_of, spec_options
-from gavel_agents.llm.service import MalformedAnswer, Retries, complete_all, endpoint_of, key_of, retried
+from gavel_agents.llm.service import CHECK, MalformedAnswer, Retries, complete_all, endpoint_of, key_of, retried
 
 __all__ = ["OpenAIModel"]
 
@@ -83,14 +83,22 @@ class OpenAIModel:
         """
         return complete_all(self._complete_one, prompts)
 
-    def _complete_one(self, prompt: Prompt) -> Completion:
+    def check(self) -> None:
+        """Ask for one short completion, with little patience.
+
+        Raises:
+            ModelError: it does not come.
+        """
+        self._complete_one(CHECK, self._retries._replace(attempts=min(2, self._retries.attempts)))
+
+    def _complete_one(self, prompt: Prompt, retries: Retries | None = None) -> Completion:
         return retried(
             lambda: self._request(prompt),
             sdk=self._sdk,
             who=f"openai:{self._endpoint.model}",
             key_variable=_KEY,
             secret=self._secret(),
-            retries=self._retries,
+            retries=retries or self._retries,
             sleep=self._sleep,
         )
 

@@ -132,6 +132,8 @@ class ReplayModel:
     def _answer(self, prompt: Prompt) -> Completion:
         key = completion_key(self.name, decoding_of(self.decoding, prompt), prompt.messages, prompt.schema)
         recorded = self._completions.get(key)
+        if recorded is None:  # perhaps recorded without a seed
+            recorded = self._completions.get(completion_key(self.name, self.decoding, prompt.messages, prompt.schema))
         if recorded is None:
             raise NotRecorded(
                 f"attempt {prompt.attempt} of instruction {prompt.about.text[:80]!r} (prompt {key}) is not in "

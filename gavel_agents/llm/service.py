@@ -7,14 +7,41 @@ import re
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt
-from gavel_env.errors import ModelError
+from gavel_agents.llm.interface import BadPlannerSpec, Completion, Message, Prompt
+from gavel_env.errors import EndpointError, ModelError
 
-__all__ = ["Endpoint", "MalformedAnswer", "ModelError", "Retries", "complete_all", "endpoint_of", "key_of", "retried"]
+__all__ = [
+    "CHECK",
+    "Checked",
+    "Endpoint",
+    "EndpointError",
+    "MalformedAnswer",
+    "ModelError",
+    "Retries",
+    "complete_all",
+    "endpoint_of",
+    "key_of",
+    "retried",
+]
 
 _CONCURRENT = 8
+
+CHECK = Prompt((Message("user", "Answer with the word yes."),))
+"""What a server is asked to see whether it answers."""
+
+
+@runtime_checkable
+class Checked(Protocol):
+    """A model that can be tried out before a long run."""
+
+    def check(self) -> None:
+        """Ask for one short completion.
+
+        Raises:
+            ModelError: it does not come.
+        """
 
 
 class MalformedAnswer(Exception):
@@ -110,7 +137,8 @@ def retried(
         sleep: replaced in tests.
 
     Raises:
-        ModelError: refused (key, model, request), or still failing at the last attempt.
+        EndpointError: key or model refused, or still failing at the last attempt.
+        ModelError: this request is refused.
     """
     why = ""
     for attempt in range(retries.attempts):
@@ -118,9 +146,9 @@ def retried(
         try:
             return request()
         except (sdk.AuthenticationError, sdk.PermissionDeniedError) as error:
-            raise ModelError(f"{who}: the key in {key_variable} was refused (HTTP {error.status_code})") from None
+            raise EndpointError(f"{who}: the key in {key_variable} was refused (HTTP {error.status_code})") from None
         except sdk.NotFoundError as error:
-            raise ModelError(f"{who}: no such model or address: {_said(error, secret)}") from None
+            raise EndpointError(f"{who}: no such model or address: {_said(error, secret)}") from None
         except sdk.APIStatusError as error:
             why = f"HTTP {error.status_code}: {_said(error, secret)}"
             if error.status_code not in (408, 409, 425, 429) and error.status_code < 500:
@@ -134,7 +162,7 @@ def retried(
             why = _clean(f"not a completion: {error}", secret)
         if attempt + 1 < retries.attempts:
             sleep(wait_s)
-    raise ModelError(f"{who}: {why} (tried {retries.attempts} times)")
+    raise EndpointError(f"{who}: {why} (tried {retries.attempts} times)")
 
 
 def _asked_wait_s(error: Any) -> float | None:

@@ -6,7 +6,7 @@ is read with distrust all the same (`gavel_agents.understanding.answer`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import msgspec
 
@@ -43,6 +43,10 @@ class ModelUnderstanding:
         self._model = model
         self._trained = trained
         self._known: dict[str, Decomposition] = {}
+
+    def asking(self, through: Callable[[ChatModel], ChatModel]) -> ModelUnderstanding:
+        """Return the same understanding whose model is asked through another, which may count or keep its calls."""
+        return ModelUnderstanding(self.name, through(self._model), trained=self._trained)
 
     def understand(
         self, text: str, *, rooms: Rooms | None = None, answers: Mapping[str, str] | None = None

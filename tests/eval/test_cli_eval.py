@@ -79,7 +79,7 @@ def test_every_method_on_scripted_completions(few: Path, tmp_path: Path, capsys:
     assert {r.contestant.agent for r in asked} == set(ORDER) - {"llm+p", "epog", "oracle"}
     for record in asked:
         assert record.trace.attempts >= 1
-        assert len(record.trace.prompts) == len(record.trace.completions) == record.trace.attempts
+        assert len(record.trace.prompts) == len(record.calls) == record.trace.attempts
         assert record.model == "scripted:answers.jsonl"
         assert record.method["source"] == "model"
         assert record.trace.tasks[0].proposed

@@ -115,7 +115,7 @@ def test_the_evaluation_replays_what_it_would_have_asked(few: InstructionSet, tm
     for understanding, profile in (("reference", Profile.PAPER), ("rules", Profile.OMNIGIBSON)):
         recorded(
             load_model(SIMULATED), few, path, understanding=load_understanding(understanding, few.values()),
-            profile=profile, threads=4,
+            profile=profile, threads=4, seeds=(0, 1),
         )  # fmt: skip
         settings = EnvironmentSettings(profile=profile.value)
         found: list[list[EpisodeRecord]] = []

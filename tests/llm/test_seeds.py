@@ -16,6 +16,7 @@ from gavel_agents.llm.reference import ReferencePlans
 from gavel_agents.llm.replay import RecordingModel, ReplayModel
 from gavel_agents.llm.simulated import SimulatedModel
 from gavel_agents.understanding import ReferenceUnderstanding
+from gavel_env.instructions.lookup import About
 from gavel_env.instructions.record import read_instructions, shipped
 
 SINGLE = read_instructions(shipped("single"))
@@ -47,12 +48,14 @@ def test_a_temperature_is_a_number(value: str) -> None:
 def test_simulated_seeds_vary_and_repeat() -> None:
     def texts(seed: int | None, spec: str = "qwen3-8b") -> list[str]:
         model = SimulatedModel(spec, SINGLE.values())
-        return [c.text for c in model.complete([Prompt((), name, seed=seed) for name in SINGLE])]
+        return [c.text for c in model.complete([Prompt((), About(one.text), seed=seed) for one in SINGLE.values()])]
 
     assert texts(0) == texts(None)
     assert texts(1) == texts(1) == texts(0, "qwen3-8b?seed=1")
     plans = [texts(seed) for seed in range(5)]
-    right = [c.text for c in ReferencePlans("single").complete([Prompt((), name) for name in SINGLE])]
+    right = [
+        c.text for c in ReferencePlans("single").complete([Prompt((), About(one.text)) for one in SINGLE.values()])
+    ]
     solved = [[text == good for text, good in zip(answers, right, strict=True)] for answers in plans]
     assert all(np.mean([a != b for a, b in zip(solved[0], other, strict=True)]) > 0 for other in solved[1:])
 

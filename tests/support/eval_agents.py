@@ -162,8 +162,26 @@ class Refusing(Teacher):
         self.trace.stopped = "not understood: unknown_word: frobnicator"
 
 
+class Asking:
+    """Somebody's own planner: asks its model for a plan of its own wording, and follows the first task of it."""
+
+    name = "asking"
+
+    def __init__(self, *, understanding: Any, model: Any = None, seed: int = 0, **options: Any) -> None:
+        self._inner = gavel_agents.make("llm-only", understanding=understanding, model=model, seed=seed, **options)
+        self.trace = AgentTrace()
+
+    def reset(self, observation: Any, info: dict[str, Any]) -> None:
+        self._inner.reset(observation, info)
+        self.trace = self._inner.trace  # type: ignore[attr-defined]
+
+    def act(self, observation: Any, info: dict[str, Any]) -> EnvAction | None:
+        return self._inner.act(observation, info)
+
+
 AGENTS = (
     Teacher, Lazy, Slow, Crashing, Exiting, Killed, Hanging, Dawdling, Sloppy, Untidy, Clumsy, Circling, Refusing,
+    Asking,
 )  # fmt: skip
 
 for _agent in AGENTS:
