@@ -19,6 +19,7 @@ from eval.run.episodes import EnvironmentSettings
 from eval.run.rig import ENVIRONMENTS
 from eval.run.runner import run, schedule
 from gavel_agents.agent import Agent
+from gavel_env.data import is_path
 from gavel_env.errors import BadOption
 from gavel_env.instructions.record import Instruction, InstructionSet, read_instructions, shipped
 
@@ -212,6 +213,4 @@ def _sets(instructions: Instructions | Sequence[str | Path]) -> list[Instruction
 
 
 def _read(source: str | Path) -> InstructionSet:
-    name = str(source)
-    is_file = isinstance(source, Path) or name.endswith(".jsonl") or "/" in name
-    return read_instructions(source if is_file else shipped(name))
+    return read_instructions(source if is_path(source) else shipped(str(source)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from gavel_agents.edits.repair import repair as repair_plan
 from gavel_agents.proposing.complaint import complaint
 from gavel_agents.proposing.parse import Dropped, ParsedPlans, parse_plans
 from gavel_agents.proposing.resolve import resolve
+from gavel_env.data import shipped_data
 from gavel_env.errors import InstructionError, UnknownInstruction
 from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.initial_graph import instruction_graph
@@ -234,5 +234,4 @@ def _from_file(path: Path, wanted: str) -> Instruction:
 
 
 def _shipped_files() -> list[Path]:
-    folder = Path(str(resources.files("envs_data") / "instructions"))
-    return sorted(folder.glob("*.jsonl"))
+    return sorted(shipped_data("instructions").glob("*.jsonl"))

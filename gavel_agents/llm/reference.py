@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from gavel_agents.llm.interface import Completion, Prompt
+from gavel_env.data import is_path
 from gavel_env.errors import UnknownInstruction
 from gavel_env.instructions.lookup import InstructionLookup
 from gavel_env.instructions.record import Instruction, read_instructions, shipped
@@ -33,7 +34,7 @@ class ReferencePlans:
         self.name = "reference plans (no model)"
         self.decoding: Mapping[str, str | float | int] = {}
         if isinstance(source, str):
-            file = Path(source) if source.endswith(".jsonl") else shipped(source)
+            file = Path(source) if is_path(source) else shipped(source)
             source = read_instructions(file).values()
         self._records = InstructionLookup(source)
 

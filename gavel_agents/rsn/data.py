@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
-from gavel_env.errors import DataError
+from gavel_env.data import read_json, shipped_data
 from gavel_env.house.scenes import BENCHMARK_HOUSES
 
 __all__ = [
@@ -91,25 +90,12 @@ def load_contents(path: Path | None = None) -> Contents:
     Raises:
         DataError: missing file, invalid content or another format version.
     """
-    return _shipped() if path is None else _decode(path.read_bytes() if path.is_file() else None, str(path))
+    return _read(path or shipped_data("room_contents.json"))
 
 
 @cache
-def _shipped() -> Contents:
-    source = resources.files("envs_data") / "room_contents.json"
-    return _decode(source.read_bytes() if source.is_file() else None, "envs_data/room_contents.json")
-
-
-def _decode(content: bytes | None, place: str) -> Contents:
-    if content is None:
-        raise DataError(f"room contents {place} are missing")
-    try:
-        table = msgspec.json.decode(content, type=Contents)
-    except msgspec.DecodeError as error:
-        raise DataError(f"room contents {place} are malformed: {error}") from error
-    if table.format != FORMAT:
-        raise DataError(f"room contents {place} have format {table.format!r}; this version reads {FORMAT!r}")
-    return table
+def _read(path: Path) -> Contents:
+    return read_json(path, Contents, "room contents", version=FORMAT)
 
 
 def house_of(scene: str) -> str:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import gzip
-from importlib import resources
 from pathlib import Path
 
 import msgspec
 
+from gavel_env.data import is_path, read_lines, shipped_data
 from gavel_env.errors import DataError
 from gavel_env.instructions.record import shipped
 
@@ -52,25 +51,18 @@ def read_samples(source: str) -> list[Sample]:
         DataError: unreadable or malformed; names the file and the line.
     """
     path = _path(source)
-    try:
-        content = path.read_bytes()
-        lines = (gzip.decompress(content) if path.suffix == ".gz" else content).splitlines()
-    except (OSError, EOFError) as error:
-        raise DataError(f"{path} cannot be read: {error}") from error
     samples = []
-    for number, raw in enumerate(lines, start=1):
+    for line in read_lines(path, _Line, "targets of understanding"):
         try:
-            line = msgspec.json.decode(raw, type=_Line)
             tasks = line.meta.targets or msgspec.json.decode(line.tasks, type=tuple[Target, ...])
         except msgspec.DecodeError as error:
-            raise DataError(f"{path}:{number}: no targets of understanding: {error}") from error
+            raise DataError(f"{path}: no targets of understanding in {line.id!r}: {error}") from error
         samples.append(Sample(line.id, line.text, tasks))
     return samples
 
 
 def _path(source: str) -> Path:
-    if source.endswith((".jsonl", ".jsonl.gz")):
+    if is_path(source):
         return Path(source)
-    folder = Path(str(resources.files("envs_data") / "instructions" / "pairs"))
-    pairs = (folder / f"{source}{ending}" for ending in (".jsonl", ".jsonl.gz"))
+    pairs = (shipped_data("instructions", "pairs", f"{source}{ending}") for ending in (".jsonl", ".jsonl.gz"))
     return next((path for path in pairs if path.is_file()), None) or shipped(source)

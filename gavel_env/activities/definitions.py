@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from importlib import resources
 from pathlib import Path
 
 import msgspec
 
 from gavel_env.activities.bddl import Problem, parse_problem
+from gavel_env.data import read_json, shipped_data
 from gavel_env.errors import DataError, UnknownActivity, nearest_names
 
 __all__ = ["FORMAT", "Activities", "Activity", "UnknownActivity", "load_activities"]
@@ -88,21 +88,9 @@ def load_activities(path: Path | None = None) -> Activities:
     Raises:
         DataError: missing file, invalid content or another format version.
     """
-    return _shipped() if path is None else _read(path)
+    return _read(path or shipped_data("activities.json"))
 
 
 @cache
-def _shipped() -> Activities:
-    return _read(Path(str(resources.files("envs_data") / "activities.json")))
-
-
 def _read(path: Path) -> Activities:
-    try:
-        found = msgspec.json.decode(path.read_bytes(), type=Activities)
-    except OSError as error:
-        raise DataError(f"activity file {path} cannot be read: {error.strerror}") from error
-    except msgspec.DecodeError as error:
-        raise DataError(f"activity file {path} is malformed: {error}") from error
-    if found.format != FORMAT:
-        raise DataError(f"activity file {path} has format {found.format!r}; this version reads {FORMAT!r}")
-    return found
+    return read_json(path, Activities, "activity file", version=FORMAT)

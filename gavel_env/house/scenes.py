@@ -7,12 +7,12 @@ structs below. Units are metres; x points right, y points down, yaw is degrees c
 from __future__ import annotations
 
 from functools import lru_cache
-from importlib import resources
 from pathlib import Path
 from typing import Literal
 
 import msgspec
 
+from gavel_env.data import read_json, shipped_data
 from gavel_env.errors import SceneError, UnknownScene
 from gavel_env.world_model.ontology import Mount
 
@@ -137,8 +137,7 @@ class Scene(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 def scene_names() -> tuple[str, ...]:
     """Return the names of the shipped scenes, sorted."""
-    folder = resources.files("envs_data") / "scenes"
-    return tuple(sorted(p.name.removesuffix(".json") for p in folder.iterdir() if p.name.endswith(".json")))
+    return tuple(sorted(path.stem for path in shipped_data("scenes").glob("*.json")))
 
 
 def load_scene(scene: str | Path) -> Scene:
@@ -150,22 +149,14 @@ def load_scene(scene: str | Path) -> Scene:
     """
     if isinstance(scene, Path) or str(scene).endswith(".json"):
         return _read(str(scene), Path(scene).stat().st_mtime_ns if Path(scene).exists() else 0)
-    path = resources.files("envs_data") / "scenes" / f"{scene}.json"
-    if not path.is_file():
-        raise UnknownScene(str(scene), scene_names())
-    return _read(str(path), 0)
+    if scene not in scene_names():
+        raise UnknownScene(scene, scene_names())
+    return _read(str(shipped_data("scenes", f"{scene}.json")), 0)
 
 
 @lru_cache(maxsize=64)
 def _read(path: str, _modified_ns: int) -> Scene:
-    try:
-        scene = msgspec.json.decode(Path(path).read_bytes(), type=Scene)
-    except OSError as error:
-        raise SceneError(f"scene file {path} cannot be read: {error.strerror}") from error
-    except msgspec.DecodeError as error:
-        raise SceneError(f"scene file {path} is malformed: {error}") from error
-    if scene.format != FORMAT:
-        raise SceneError(f"scene file {path} has format {scene.format!r}; this version reads {FORMAT!r}")
+    scene = read_json(path, Scene, "scene file", SceneError, version=FORMAT)
     check_scene(scene, path)
     return scene
 

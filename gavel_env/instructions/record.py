@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import msgspec
 
+from gavel_env.data import read_bytes, shipped_data
 from gavel_env.errors import GavelError, InstructionError, UnknownInstruction
 from gavel_env.world_model.actions import Action, parse_action
 from gavel_env.world_model.conditions import Formula
@@ -176,10 +176,7 @@ def read_instructions(path: str | Path) -> InstructionSet:
     Raises:
         InstructionError: the file cannot be read, or holds no good line.
     """
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise InstructionError(f"instruction file {path} cannot be read: {error.strerror}") from error
+    content = read_bytes(path, "instruction file", InstructionError)
     records: dict[str, Instruction] = {}
     rejected: list[Rejected] = []
     for number, line in enumerate(content.splitlines(), start=1):
@@ -212,8 +209,7 @@ def shipped(name: str) -> Path:
     Raises:
         UnknownInstruction: no such file; the message lists those that exist.
     """
-    folder = Path(str(resources.files("envs_data") / "instructions"))
-    path = folder / f"{name}.jsonl"
-    if not path.is_file():
-        raise UnknownInstruction(name, [p.stem for p in folder.glob("*.jsonl")], "the shipped instruction files")
-    return path
+    known = {path.stem: path for path in shipped_data("instructions").glob("*.jsonl")}
+    if name not in known:
+        raise UnknownInstruction(name, known, "the shipped instruction files")
+    return known[name]

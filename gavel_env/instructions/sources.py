@@ -7,6 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from gavel_env.data import is_path
 from gavel_env.errors import InstructionError
 from gavel_env.instructions.record import Instruction, InstructionSet, parse_instruction, read_instructions, shipped
 
@@ -30,7 +31,7 @@ def gather(source: InstructionSource, scenes: str | Iterable[str] | None = None)
     if isinstance(source, InstructionSet):
         records = source
     elif isinstance(source, str | Path):
-        path = Path(source) if isinstance(source, Path) or source.endswith(".jsonl") else shipped(source)
+        path = Path(source) if is_path(source) else shipped(str(source))
         records = _read(str(path), path.stat().st_mtime_ns if path.exists() else 0)
     else:
         parsed = [parse_instruction(record, f"instructions[{i}]") for i, record in enumerate(source)]

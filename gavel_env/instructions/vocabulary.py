@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from importlib import resources
 from typing import Literal
 
 import msgspec
 
-from gavel_env.errors import DataError
+from gavel_env.data import read_json, shipped_data
 
 __all__ = ["FurnitureWords", "MovableWords", "Theme", "Use", "Vocabulary", "default_vocabulary"]
 
@@ -76,13 +75,4 @@ def default_vocabulary() -> Vocabulary:
     Raises:
         DataError: missing file, invalid content or another format version.
     """
-    source = resources.files("envs_data") / "vocabulary.json"
-    try:
-        table = msgspec.json.decode(source.read_bytes(), type=Vocabulary)
-    except OSError as error:
-        raise DataError(f"vocabulary file {source} cannot be read: {error.strerror}") from error
-    except msgspec.DecodeError as error:
-        raise DataError(f"vocabulary file {source} is malformed: {error}") from error
-    if table.format != FORMAT:
-        raise DataError(f"vocabulary file {source} has format {table.format!r}; this version reads {FORMAT!r}")
-    return table
+    return read_json(shipped_data("vocabulary.json"), Vocabulary, "vocabulary file", version=FORMAT)

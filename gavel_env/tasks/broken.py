@@ -12,6 +12,7 @@ from pathlib import Path
 
 import msgspec
 
+from gavel_env.data import read_lines
 from gavel_env.errors import InstructionError
 from gavel_env.tasks.judging import judge
 from gavel_env.world_model.actions import Action, Primitive, parse_action
@@ -64,18 +65,7 @@ def read_broken(path: Path) -> dict[str, tuple[tuple[Broken, ...], ...]]:
     Raises:
         InstructionError: unreadable file or malformed line, with its number.
     """
-    try:
-        lines = path.read_bytes().splitlines()
-    except OSError as error:
-        raise InstructionError(f"file of broken variants {path} cannot be read: {error.strerror}") from error
-    found: dict[str, tuple[tuple[Broken, ...], ...]] = {}
-    for number, line in enumerate(lines, start=1):
-        try:
-            record = msgspec.json.decode(line, type=_Line)
-        except msgspec.DecodeError as error:
-            raise InstructionError(f"{path}:{number}: malformed broken variants: {error}") from error
-        found[record.id] = record.tasks
-    return found
+    return {record.id: record.tasks for record in read_lines(path, _Line, "broken variants", InstructionError)}
 
 
 _DROPS = {

@@ -7,13 +7,12 @@
 from __future__ import annotations
 
 from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import Literal
 
 import msgspec
 
-from gavel_env.errors import DataError
+from gavel_env.data import read_json, shipped_data
 
 __all__ = ["FORMAT", "Evidence", "Placed", "RoomContents", "load_evidence"]
 
@@ -76,22 +75,9 @@ def load_evidence(path: Path | None = None) -> Evidence:
     Raises:
         DataError: missing file, invalid content or another format version.
     """
-    return _shipped() if path is None else _decode(path.read_bytes() if path.is_file() else None, str(path))
+    return _read(path or shipped_data("placement_evidence.json"))
 
 
 @cache
-def _shipped() -> Evidence:
-    source = resources.files("envs_data") / "placement_evidence.json"
-    return _decode(source.read_bytes() if source.is_file() else None, "envs_data/placement_evidence.json")
-
-
-def _decode(content: bytes | None, place: str) -> Evidence:
-    if content is None:
-        raise DataError(f"evidence file {place} is missing")
-    try:
-        evidence = msgspec.json.decode(content, type=Evidence)
-    except msgspec.DecodeError as error:
-        raise DataError(f"evidence file {place} is malformed: {error}") from error
-    if evidence.format != FORMAT:
-        raise DataError(f"evidence file {place} has format {evidence.format!r}; this version reads {FORMAT!r}")
-    return evidence
+def _read(path: Path) -> Evidence:
+    return read_json(path, Evidence, "evidence file", version=FORMAT)

@@ -7,7 +7,6 @@ means; nothing is executed, so a pair needs no placements and no plan.
 
 from __future__ import annotations
 
-import gzip
 import hashlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from gavel_env.data import read_bytes, read_lines
 from gavel_env.errors import InstructionError
 from gavel_env.house.scenes import load_scene
 from gavel_env.tasks.assembly import target_of
@@ -97,15 +97,6 @@ def read_pairs(path: str | Path) -> PairSet:
     Raises:
         InstructionError: unreadable file or malformed line, with its number.
     """
-    try:
-        content = Path(path).read_bytes()
-        lines = gzip.decompress(content) if str(path).endswith(".gz") else content
-    except (OSError, EOFError) as error:
-        raise InstructionError(f"pair file {path} cannot be read: {error}") from error
-    pairs: list[Pair] = []
-    for number, line in enumerate(lines.splitlines(), start=1):
-        try:
-            pairs.append(msgspec.json.decode(line, type=Pair))
-        except msgspec.DecodeError as error:
-            raise InstructionError(f"{path}:{number}: malformed pair: {error}") from error
-    return PairSet(tuple(pairs), hashlib.sha256(lines).hexdigest()[:16])
+    content = read_bytes(path, "pair file", InstructionError)
+    pairs = read_lines(path, Pair, "pair", InstructionError)
+    return PairSet(tuple(pairs), hashlib.sha256(content).hexdigest()[:16])

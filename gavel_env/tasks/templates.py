@@ -5,11 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from functools import cache
-from importlib import resources
 
 import msgspec
 
-from gavel_env.errors import DataError
+from gavel_env.data import read_json, shipped_data
 from gavel_env.tasks.drafts import Split
 
 __all__ = ["CHOICE", "SLOT", "Joining", "Templates", "default_templates", "expand"]
@@ -44,16 +43,7 @@ def default_templates() -> Templates:
     Raises:
         DataError: missing file, invalid content or another format version.
     """
-    source = resources.files("envs_data") / "templates.json"
-    try:
-        table = msgspec.json.decode(source.read_bytes(), type=Templates)
-    except OSError as error:
-        raise DataError(f"template file {source} cannot be read: {error.strerror}") from error
-    except msgspec.DecodeError as error:
-        raise DataError(f"template file {source} is malformed: {error}") from error
-    if table.format != FORMAT:
-        raise DataError(f"template file {source} has format {table.format!r}; this version reads {FORMAT!r}")
-    return table
+    return read_json(shipped_data("templates.json"), Templates, "template file", version=FORMAT)
 
 
 def expand(template: str) -> Iterator[str]:

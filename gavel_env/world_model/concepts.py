@@ -15,13 +15,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache, cached_property
-from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
 import msgspec
 
+from gavel_env.data import read_json, shipped_data
 from gavel_env.errors import DataError, UnknownConcept
 
 __all__ = [
@@ -291,15 +291,8 @@ def load_concepts(path: Path | None = None) -> Concepts:
         DataError: missing file, invalid content or another format version; a word that names a concept which the table
             does not have, or a concept without members.
     """
-    source = path or resources.files("envs_data") / "concepts.json"
-    try:
-        table = msgspec.json.decode(source.read_bytes(), type=_File)
-    except OSError as error:
-        raise DataError(f"concepts file {source} cannot be read: {error.strerror}") from error
-    except msgspec.DecodeError as error:
-        raise DataError(f"concepts file {source} is malformed: {error}") from error
-    if table.format != FORMAT:
-        raise DataError(f"concepts file {source} has format {table.format!r}; this version reads {FORMAT!r}")
+    source = path or shipped_data("concepts.json")
+    table = read_json(source, _File, "concepts file", version=FORMAT)
     for kind, concepts, words in (
         ("things", table.things, table.thing_words),
         ("places", table.places, table.place_words),

@@ -9,13 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import Literal
 
 import msgspec
 
-from gavel_env.errors import DataError, UnknownCategory
+from gavel_env.data import read_json, shipped_data
+from gavel_env.errors import UnknownCategory
 from gavel_env.world_model.concepts import Concepts, default_concepts
 
 __all__ = ["Category", "Mount", "Ontology", "TemperatureSource", "category_of", "default_ontology", "load_ontology"]
@@ -190,15 +190,7 @@ def load_ontology(path: Path | None = None) -> Ontology:
     Raises:
         DataError: missing file, invalid content or another format version.
     """
-    source = path or resources.files("envs_data") / "ontology.json"
-    try:
-        table = msgspec.json.decode(source.read_bytes(), type=_OntologyFile)
-    except OSError as error:
-        raise DataError(f"ontology file {source} cannot be read: {error.strerror}") from error
-    except msgspec.DecodeError as error:
-        raise DataError(f"ontology file {source} is malformed: {error}") from error
-    if table.format != FORMAT:
-        raise DataError(f"ontology file {source} has format {table.format!r}; this version reads {FORMAT!r}")
+    table = read_json(path or shipped_data("ontology.json"), _OntologyFile, "ontology file", version=FORMAT)
     return Ontology(table.categories, table.provenance)
 
 

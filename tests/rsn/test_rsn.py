@@ -112,7 +112,7 @@ def test_contents_are_what_the_builder_makes() -> None:
 
 def test_bad_contents_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "contents.json"
-    with pytest.raises(DataError, match="missing"):
+    with pytest.raises(DataError, match="cannot be read"):
         load_contents(path)
     path.write_text('{"format": "other/9", "provenance": "", "structure": [], "scenes": {}}')
     with pytest.raises(DataError, match="other/9"):
