@@ -9,7 +9,7 @@ import numpy as np
 
 from gavel_env.errors import NotInstalled
 
-__all__ = ["NotInstalled", "figure", "fitted_exponent"]
+__all__ = ["figure", "fitted_exponent"]
 
 
 def figure(columns: int = 1, rows: int = 1) -> tuple[Any, Any]:
