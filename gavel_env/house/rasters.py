@@ -73,7 +73,7 @@ def rasterise(scene: Scene, cell_m: float) -> Rasters:
     points = np.concatenate([_wall_points(room, scene.openings) for room in scene.rooms])
     clearance = np.full((height, width), np.inf)
     kernels.stamp_points((points - low) / cell_m, 1.0 / cell_m, clearance)
-    return Rasters(origin_m, rooms, wall, clearance * cell_m)
+    return Rasters(origin_m, rooms, wall, np.sqrt(clearance) * cell_m)
 
 
 def _in_cells(opening: Opening, low: NDArray[np.float64], cell_m: float) -> list[float]:

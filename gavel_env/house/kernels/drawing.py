@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gavel_env.house.kernels.routes import Bools, Floats, compiled
+from gavel_env.house.kernels.compiling import compiled
+from gavel_env.house.kernels.routes import Bools, Floats
 
 __all__ = [
     "close_links",
@@ -37,12 +38,16 @@ def fill_polygon(corners: Floats, value: int, grid: NDArray[np.int16]) -> None:
             x0, y0 = corners[i]
             x1, y1 = corners[(i + 1) % n]
             if (y0 <= y) != (y1 <= y):
-                crossings[count] = x0 + (y - y0) * (x1 - x0) / (y1 - y0)
+                crossing = x0 + (y - y0) * (x1 - x0) / (y1 - y0)
+                k = count  # np.sort would take longer to compile than all of this file
+                while k > 0 and crossings[k - 1] > crossing:
+                    crossings[k] = crossings[k - 1]
+                    k -= 1
+                crossings[k] = crossing
                 count += 1
-        ordered = np.sort(crossings[:count])
         for k in range(0, count - 1, 2):
-            first = max(0, int(np.ceil(ordered[k] - 0.5)))
-            last = min(width, int(np.ceil(ordered[k + 1] - 0.5)))
+            first = max(0, int(np.ceil(crossings[k] - 0.5)))
+            last = min(width, int(np.ceil(crossings[k + 1] - 0.5)))
             for column in range(first, last):
                 if grid[row, column] < 0:
                     grid[row, column] = value
@@ -50,12 +55,12 @@ def fill_polygon(corners: Floats, value: int, grid: NDArray[np.int16]) -> None:
 
 @compiled
 def stamp_points(points: Floats, reach: float, clearance: Floats) -> None:
-    """Lower `clearance` to the distance between each cell centre and the nearest point, as far as `reach`.
+    """Lower `clearance` to the squared distance of each cell centre to the nearest point, as far as `reach`.
 
     Args:
         points: (n, 2) x, y in cells.
         reach: distances beyond are left alone.
-        clearance: (height, width), in cells, changed in place.
+        clearance: (height, width), in square cells, changed in place.
     """
     height, width = clearance.shape
     span = int(np.ceil(reach)) + 1
@@ -64,9 +69,10 @@ def stamp_points(points: Floats, reach: float, clearance: Floats) -> None:
         column0, row0 = int(np.floor(x)), int(np.floor(y))
         for row in range(max(0, row0 - span), min(height, row0 + span + 1)):
             for column in range(max(0, column0 - span), min(width, column0 + span + 1)):
-                d = np.hypot(column + 0.5 - x, row + 0.5 - y)
-                if d <= reach and d < clearance[row, column]:
-                    clearance[row, column] = d
+                dx, dy = column + 0.5 - x, row + 0.5 - y
+                squared = dx * dx + dy * dy
+                if squared <= reach * reach and squared < clearance[row, column]:
+                    clearance[row, column] = squared
 
 
 @compiled

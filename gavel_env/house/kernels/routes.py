@@ -6,18 +6,15 @@ are in cells. Import this module only inside functions: it loads numba (about ha
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
-
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from gavel_env.house.kernels.compiling import compiled, inner
 
 __all__ = [
     "Bools",
     "Floats",
     "Ints",
-    "compiled",
     "components",
     "distance_field",
     "shortest_path",
@@ -27,14 +24,7 @@ Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-_Function = TypeVar("_Function", bound=Callable[..., Any])
-
 _DIAGONAL = 2.0**0.5
-
-
-def compiled(function: _Function) -> _Function:
-    """Compile a kernel by numba at its first call; the machine code is cached on disk."""
-    return cast(_Function, numba.njit(cache=True, nogil=True)(function))
 
 
 @compiled
@@ -44,7 +34,8 @@ def components(free: Bools) -> Ints:
     Steps are straight: a diagonal step needs both its straight neighbours, so it never joins more.
     """
     height, width = free.shape
-    label = np.full((height, width), -1, np.int32)
+    label = np.empty((height, width), np.int32)
+    label[:] = -1
     queue = np.empty(height * width, np.int32)
     count = 0
     for start in range(height * width):
@@ -66,7 +57,7 @@ def components(free: Bools) -> Ints:
     return label
 
 
-@compiled
+@inner
 def _push(keys: Floats, items: Ints, size: int, key: float, item: int) -> int:
     """Add to the binary heap; ties are ordered by item, so that equal inputs give equal paths."""
     i = size
@@ -80,7 +71,7 @@ def _push(keys: Floats, items: Ints, size: int, key: float, item: int) -> int:
     return size + 1
 
 
-@compiled
+@inner
 def _pop(keys: Floats, items: Ints, size: int) -> int:
     """Remove the top of the heap; the caller has read it."""
     size -= 1
@@ -127,13 +118,15 @@ def shortest_path(free: Bools, start: int, goals: Ints) -> Ints:
             low_column, high_column = min(low_column, column), max(high_column, column)
     if high_row < 0 or not free[start // width, start % width]:
         return np.empty(0, np.int32)
-    cost = np.full(total, np.inf)
-    parent = np.full(total, -1, np.int32)
+    cost = np.empty(total)
+    cost[:] = np.inf
+    parent = np.empty(total, np.int32)
+    parent[:] = -1
     done = np.zeros(total, np.bool_)
     keys = np.empty(8 * total + 1)
     items = np.empty(8 * total + 1, np.int32)
     cost[start] = 0.0
-    size = _push(keys, items, 0, 0.0, start)
+    size = _push(keys, items, np.int64(0), 0.0, np.int64(start))
     while size > 0:
         cell = items[0]
         size = _pop(keys, items, size)
@@ -192,14 +185,15 @@ def distance_field(free: Bools, sources: Ints) -> Floats:
     """
     height, width = free.shape
     total = height * width
-    cost = np.full(total, np.inf)
+    cost = np.empty(total)
+    cost[:] = np.inf
     keys = np.empty(8 * total + 1 + sources.size)
     items = np.empty(8 * total + 1 + sources.size, np.int32)
-    size = 0
+    size = np.int64(0)
     for s in sources:
         if free[s // width, s % width]:
             cost[s] = 0.0
-            size = _push(keys, items, size, 0.0, s)
+            size = _push(keys, items, np.int64(size), 0.0, np.int64(s))
     while size > 0:
         key, cell = keys[0], items[0]
         size = _pop(keys, items, size)

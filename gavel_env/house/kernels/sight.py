@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gavel_env.house.kernels.routes import Bools, Floats, Ints, compiled
+from gavel_env.house.kernels.compiling import compiled
+from gavel_env.house.kernels.routes import Bools, Floats, Ints
 
 __all__ = [
     "cluster_centres",
@@ -138,6 +139,7 @@ def watching_cells(
     cells = np.empty(capacity, np.int32)
     away = np.empty(capacity)
     count = 0
+    nearest = np.inf
     for row in range(first_row, last_row):
         for column in range(first_column, last_column):
             if opaque[row, column] or rooms[row, column] != room:
@@ -147,14 +149,14 @@ def watching_cells(
             across = max(0.0, abs(dy * cosine - dx * sine) - half_width)
             cells[count] = row * width + column
             away[count] = np.hypot(along, across)
+            nearest = min(nearest, away[count])
             count += 1
-    if count == 0:
-        return np.empty(0, np.int32)
-    nearest = away[:count].min()
-    if nearest > margin:
-        return np.empty(0, np.int32)
-    kept: Ints = cells[:count][away[:count] <= nearest + within].copy()
-    return kept
+    kept = 0
+    for k in range(count if nearest <= margin else 0):
+        if away[k] <= nearest + within:
+            cells[kept] = cells[k]
+            kept += 1
+    return cells[:kept].copy()
 
 
 @compiled
@@ -307,7 +309,7 @@ def cluster_centres(cells: Ints, height: int, width: int, least: int) -> Ints:
     centres = np.empty(cells.size, np.int32)
     sizes = np.empty(cells.size, np.int32)
     queue = np.empty(cells.size, np.int32)
-    count = 0
+    count, largest = 0, 0
     for start in cells:
         if not waiting[start // width, start % width]:
             continue
@@ -332,11 +334,14 @@ def cluster_centres(cells: Ints, height: int, width: int, least: int) -> Ints:
             if away < best_away:
                 best, best_away = queue[k], away
         centres[count], sizes[count] = best, tail
+        largest = max(largest, tail)
         count += 1
-    centres, sizes = centres[:count], sizes[:count]
-    if count and sizes.max() >= least:
-        centres = centres[sizes >= least]
-    return centres.copy()
+    kept = 0
+    for k in range(count):
+        if sizes[k] >= least or largest < least:
+            centres[kept] = centres[k]
+            kept += 1
+    return centres[:kept].copy()
 
 
 @compiled
