@@ -83,8 +83,11 @@ class Sensor:
         self._watch = watch(floor)
         self.spotted: NDArray[np.bool_] = np.zeros(len(self._watch.pieces), np.bool_)
         self._room_seen = np.zeros(len(floor.room_ids), np.int32)
-        self._unseen: dict[int, Indices] = {}  # per room; both only shrink, so the next call starts from the last
-        self._hiding: dict[int, Indices] = {}
+        self._log = np.empty(floor.rooms.size, np.int32)  # seen cells in the order seen
+        self._logged = 0
+        self._frontiers: dict[int, tuple[Indices, int]] = {}  # per room, with how much of the log they know
+        self._touched = np.zeros(floor.shape, np.bool_)
+        self._hiding: dict[int, Indices] = {}  # per room; only shrinks, so the next call starts from the last
         self._fresh = np.empty(len(self._watch.pieces), np.int32)
         self._half_angle = math.radians(floor.robot.camera_fov_deg) / 2.0
         self._range_cells = floor.robot.camera_range_m / floor.robot.cell_m
@@ -100,13 +103,17 @@ class Sensor:
         Returns:
             The pieces seen for the first time.
         """
+        return self._look(cell, heading, 1)
+
+    def _look(self, cell: int, heading: float, turns: int) -> list[str]:
         from gavel_env.house.kernels import sight as sight_kernels
 
-        count = sight_kernels.look(
+        count, self._logged = sight_kernels.look(
             self.floor.opaque,
             self.floor.rooms,
             cell,
             heading,
+            turns,
             self._half_angle,
             self._range_cells,
             self.seen,
@@ -115,13 +122,14 @@ class Sensor:
             self._watch.watched,
             self.spotted,
             self._fresh,
+            self._log,
+            self._logged,
         )
         return [self._watch.pieces[i] for i in self._fresh[:count]]
 
     def scan(self, cell: int, heading: float) -> list[str]:
         """Turn on the spot and take pictures all around; return the pieces seen for the first time."""
-        turns = self.floor.robot.scan_headings
-        return [p for k in range(turns) for p in self.look(cell, heading + 2.0 * math.pi * k / turns)]
+        return self._look(cell, heading, self.floor.robot.scan_headings)
 
     def saw_floor_near(self, cells: Indices) -> NDArray[np.bool_]:
         """Tell for each of (n,) cells whether what lies on the floor there has been seen."""
@@ -155,9 +163,15 @@ class Sensor:
         from gavel_env.house.kernels import sight as sight_kernels
 
         index = self.floor.room_index[room]
-        unseen = self._unseen.get(index, self._watch.floor_cells[index])
-        self._unseen[index] = unseen[~self.seen.ravel()[unseen]]
-        return sight_kernels.frontier_cells(self._unseen[index], self.seen, given_up)
+        before, known = self._frontiers.get(index, (np.empty(0, np.int32), 0))
+        if known < self._logged:
+            fresh = self._log[known : self._logged]
+            cells = sight_kernels.frontier_cells(
+                before, fresh, self.seen, self.floor.opaque, self.floor.rooms, index, self._touched
+            )
+            before = np.sort(cells)
+            self._frontiers[index] = before, self._logged
+        return before[~given_up.ravel()[before]]
 
 
 def revealed(graph: SceneGraph, obj: str) -> Iterator[str]:

@@ -12,6 +12,7 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -36,35 +37,27 @@ def inner(function: _Function) -> _Function:
 
 
 def _jit(function: Callable[..., Any], **options: Any) -> Any:
-    for _ in range(2):
-        try:
-            return numba.njit(cache=True, **_OPTIONS, **options)(function)
-        except RuntimeError:  # "cannot cache function": no place that numba knows can be written to
-            if not _cache_elsewhere():
-                break
-    return numba.njit(**_OPTIONS, **options)(function)
+    try:
+        return numba.njit(cache=True, **_OPTIONS, **options)(function)
+    except RuntimeError:  # "cannot cache function": no place that numba knows can be written to
+        return numba.njit(cache=_cache_elsewhere(), **_OPTIONS, **options)(function)
 
 
-_tried_elsewhere = False
-
-
+@cache
 def _cache_elsewhere() -> bool:
-    """Turn numba's cache to a folder of one's own in the temporary folder; return whether that is new and works."""
-    global _tried_elsewhere
-    if _tried_elsewhere:
-        return False
-    _tried_elsewhere = True
+    """Turn numba's cache to a folder of one's own in the temporary folder; return whether there can be one."""
     user = os.getuid() if hasattr(os, "getuid") else "user"
     try:
         folder = Path(tempfile.gettempdir()) / f"gavel-kernels-{user}"
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()
         own = stat.S_ISDIR(found.st_mode) and (not hasattr(os, "getuid") or found.st_uid == os.getuid())
+        if own and os.access(folder, os.W_OK):
+            config: Any = numba.config
+            config.CACHE_DIR = str(folder)
+            return True
     except OSError:
-        own = False
-    if own and os.access(folder, os.W_OK):
-        numba.config.CACHE_DIR = str(folder)
-        return True
+        pass
     warnings.warn(
         "no folder can be written to, so kernels are compiled anew in every process (some seconds); "
         "set NUMBA_CACHE_DIR to a folder that can",
@@ -74,7 +67,7 @@ def _cache_elsewhere() -> bool:
     return False
 
 
-class _Announcement(Listener):  # type: ignore[misc]  # numba has no types
+class _Announcement(Listener):
     """Says once per process that kernels are being compiled; loading them from the cache is no news."""
 
     said = False
@@ -82,10 +75,11 @@ class _Announcement(Listener):  # type: ignore[misc]  # numba has no types
     def on_start(self, event: Any) -> None:
         if not self.said and event.data["dispatcher"].py_func.__module__.startswith("gavel_env."):
             self.said = True
-            print("gavel: compiling kernels for this machine, once (a few seconds) ...", file=sys.stderr, flush=True)
+            sys.stderr.write("gavel: compiling kernels for this machine, once (a few seconds) ...\n")
+            sys.stderr.flush()
 
     def on_end(self, event: Any) -> None:
         pass
 
 
-register("numba:compile", _Announcement())
+register("numba:compile", _Announcement())  # type: ignore[no-untyped-call]

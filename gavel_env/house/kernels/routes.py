@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 _DIAGONAL = 2.0**0.5
+_WANTED, _REACHED, _DONE = np.uint8(1), np.uint8(2), np.uint8(4)
 
 
 @compiled
@@ -108,32 +109,31 @@ def shortest_path(free: Bools, start: int, goals: Ints) -> Ints:
     """
     height, width = free.shape
     total = height * width
-    wanted = np.zeros(total, np.bool_)
+    state = np.zeros(total, np.uint8)  # what was filled in for a cell: the arrays below need no filling
     low_row, high_row, low_column, high_column = height, -1, width, -1
     for g in goals:
         row, column = g // width, g % width
         if free[row, column]:
-            wanted[g] = True
+            state[g] = _WANTED
             low_row, high_row = min(low_row, row), max(high_row, row)
             low_column, high_column = min(low_column, column), max(high_column, column)
     if high_row < 0 or not free[start // width, start % width]:
         return np.empty(0, np.int32)
     cost = np.empty(total)
-    cost[:] = np.inf
     parent = np.empty(total, np.int32)
-    parent[:] = -1
-    done = np.zeros(total, np.bool_)
     keys = np.empty(8 * total + 1)
     items = np.empty(8 * total + 1, np.int32)
-    cost[start] = 0.0
-    size = _push(keys, items, np.int64(0), 0.0, np.int64(start))
+    cost[start], parent[start] = 0.0, -1
+    state[start] |= _REACHED
+    size = 0
+    size = _push(keys, items, size, 0.0, int(start))
     while size > 0:
         cell = items[0]
         size = _pop(keys, items, size)
-        if done[cell]:
+        if state[cell] & _DONE:
             continue
-        done[cell] = True
-        if wanted[cell]:
+        state[cell] |= _DONE
+        if state[cell] & _WANTED:
             length = 1
             back = cell
             while parent[back] >= 0:
@@ -161,7 +161,8 @@ def shortest_path(free: Bools, start: int, goals: Ints) -> Ints:
                     step = _DIAGONAL
                 next_cell = row1 * width + column1
                 reached = cost[cell] + step
-                if reached < cost[next_cell] - 1e-9:
+                if not state[next_cell] & _REACHED or reached < cost[next_cell] - 1e-9:
+                    state[next_cell] |= _REACHED
                     cost[next_cell] = reached
                     parent[next_cell] = cell
                     away_row = max(low_row - row1, row1 - high_row, 0)
@@ -174,7 +175,10 @@ def shortest_path(free: Bools, start: int, goals: Ints) -> Ints:
 
 @compiled
 def distance_field(free: Bools, sources: Ints) -> Floats:
-    """Return the driving distance from the nearest source to every cell (Dijkstra; inf where none leads).
+    """Return the driving distance from the nearest source to every cell (inf where none leads).
+
+    Dijkstra's algorithm with buckets one cell wide: no step is shorter, so every cost in a bucket is final when the
+    bucket's turn comes, in whatever order. No step is longer than two buckets, so three are enough.
 
     Args:
         free: (height, width) cells that may be entered.
@@ -187,35 +191,42 @@ def distance_field(free: Bools, sources: Ints) -> Floats:
     total = height * width
     cost = np.empty(total)
     cost[:] = np.inf
-    keys = np.empty(8 * total + 1 + sources.size)
-    items = np.empty(8 * total + 1 + sources.size, np.int32)
-    size = np.int64(0)
+    buckets = np.empty((3, 8 * total + sources.size), np.int32)
+    sizes = np.zeros(3, np.int64)
     for s in sources:
-        if free[s // width, s % width]:
+        if free[s // width, s % width] and cost[s] > 0.0:
             cost[s] = 0.0
-            size = _push(keys, items, np.int64(size), 0.0, np.int64(s))
-    while size > 0:
-        key, cell = keys[0], items[0]
-        size = _pop(keys, items, size)
-        if key > cost[cell]:
-            continue
-        row, column = cell // width, cell % width
-        for dr in range(-1, 2):
-            row1 = row + dr
-            if row1 < 0 or row1 >= height:
+            buckets[0, sizes[0]] = s
+            sizes[0] += 1
+    turn = 0
+    while sizes.any():
+        here = turn % 3
+        for k in range(sizes[here]):
+            cell = buckets[here, k]
+            key = cost[cell]
+            if key < turn:  # it has had its turn in an earlier bucket
                 continue
-            for dc in range(-1, 2):
-                column1 = column + dc
-                if column1 < 0 or column1 >= width or (dr == 0 and dc == 0) or not free[row1, column1]:
+            row, column = cell // width, cell % width
+            for dr in range(-1, 2):
+                row1 = row + dr
+                if row1 < 0 or row1 >= height:
                     continue
-                step = 1.0
-                if dr != 0 and dc != 0:
-                    if not free[row, column1] or not free[row1, column]:
+                for dc in range(-1, 2):
+                    column1 = column + dc
+                    if column1 < 0 or column1 >= width or (dr == 0 and dc == 0) or not free[row1, column1]:
                         continue
-                    step = _DIAGONAL
-                next_cell = row1 * width + column1
-                reached = key + step
-                if reached < cost[next_cell]:
-                    cost[next_cell] = reached
-                    size = _push(keys, items, size, reached, next_cell)
+                    step = 1.0
+                    if dr != 0 and dc != 0:
+                        if not free[row, column1] or not free[row1, column]:
+                            continue
+                        step = _DIAGONAL
+                    next_cell = row1 * width + column1
+                    reached = key + step
+                    if reached < cost[next_cell]:
+                        cost[next_cell] = reached
+                        into = int(reached) % 3
+                        buckets[into, sizes[into]] = next_cell
+                        sizes[into] += 1
+        sizes[here] = 0
+        turn += 1
     return cost.reshape(height, width)

@@ -165,6 +165,7 @@ def look(
     rooms: NDArray[np.int16],
     origin: int,
     heading: float,
+    turns: int,
     half_angle: float,
     far: float,
     seen: Bools,
@@ -173,14 +174,17 @@ def look(
     watched: Ints,
     spotted: Bools,
     fresh: Ints,
-) -> int:
-    """Take one picture: mark the floor that a wedge of rays sees until they meet a wall.
+    log: Ints,
+    logged: int,
+) -> tuple[int, int]:
+    """Take pictures, turning on the spot: mark the floor that a wedge of rays sees until they meet a wall.
 
     Args:
         opaque: (height, width).
         rooms: (height, width) room index.
         origin: flat index of the camera's cell.
-        heading: radians, clockwise from x.
+        heading: of the first picture, radians, clockwise from x.
+        turns: number of pictures, evenly around the full circle.
         half_angle: half the opening angle, radians.
         far: range in cells, to the centre of a cell.
         seen: (height, width), changed in place.
@@ -188,47 +192,53 @@ def look(
         starts: (cells + 1,) where each cell's entries in `watched` begin.
         watched: pieces that each cell reveals, all cells in a row.
         spotted: (pieces,), changed in place.
-        fresh: (pieces,) receives the pieces that this picture reveals first.
+        fresh: (pieces,) receives the pieces that these pictures reveal first.
+        log: (cells,) the seen cells in the order seen; receives the new ones.
+        logged: entries of `log` so far.
 
     Returns:
-        How many entries of `fresh` were written.
+        How many entries of `fresh` were written, and how many `log` has now.
     """
     height, width = opaque.shape
     row0, column0 = origin // width, origin % width
     rays = int(np.ceil(2.0 * half_angle * far / 0.75)) + 1
     count = 0
-    for ray in range(rays):
-        angle = heading + half_angle * (2.0 * ray / max(1, rays - 1) - 1.0)
-        dx, dy = np.cos(angle), np.sin(angle)
-        row, column = row0, column0
-        step_column, step_row = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
-        per_column = abs(1.0 / dx) if dx != 0.0 else np.inf
-        per_row = abs(1.0 / dy) if dy != 0.0 else np.inf
-        to_column, to_row = 0.5 * per_column, 0.5 * per_row
-        while 0 <= row < height and 0 <= column < width and not opaque[row, column]:
-            if not seen[row, column]:
-                if (row - row0) ** 2 + (column - column0) ** 2 > far * far:
-                    break
-                seen[row, column] = True
-                room_seen[rooms[row, column]] += 1
-                cell = row * width + column
-                for k in range(starts[cell], starts[cell + 1]):
-                    piece = watched[k]
-                    if not spotted[piece]:
-                        spotted[piece] = True
-                        fresh[count] = piece
-                        count += 1
-            if to_column < to_row:
-                if to_column > far:
-                    break
-                column += step_column
-                to_column += per_column
-            else:
-                if to_row > far:
-                    break
-                row += step_row
-                to_row += per_row
-    return count
+    for turn in range(turns):
+        middle = heading + 2.0 * np.pi * turn / turns
+        for ray in range(rays):
+            angle = middle + half_angle * (2.0 * ray / max(1, rays - 1) - 1.0)
+            dx, dy = np.cos(angle), np.sin(angle)
+            row, column = row0, column0
+            step_column, step_row = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
+            per_column = abs(1.0 / dx) if dx != 0.0 else np.inf
+            per_row = abs(1.0 / dy) if dy != 0.0 else np.inf
+            to_column, to_row = 0.5 * per_column, 0.5 * per_row
+            while 0 <= row < height and 0 <= column < width and not opaque[row, column]:
+                if not seen[row, column]:
+                    if (row - row0) ** 2 + (column - column0) ** 2 > far * far:
+                        break
+                    seen[row, column] = True
+                    room_seen[rooms[row, column]] += 1
+                    cell = row * width + column
+                    log[logged] = cell
+                    logged += 1
+                    for k in range(starts[cell], starts[cell + 1]):
+                        piece = watched[k]
+                        if not spotted[piece]:
+                            spotted[piece] = True
+                            fresh[count] = piece
+                            count += 1
+                if to_column < to_row:
+                    if to_column > far:
+                        break
+                    column += step_column
+                    to_column += per_column
+                else:
+                    if to_row > far:
+                        break
+                    row += step_row
+                    to_row += per_row
+    return count, logged
 
 
 @compiled
@@ -266,27 +276,44 @@ def seen_near(cells: Ints, seen: Bools, rooms: NDArray[np.int16], within: float)
 
 
 @compiled
-def frontier_cells(unseen: Ints, seen: Bools, given_up: Bools) -> Ints:
-    """Return the unseen floor that touches seen floor, without the cells given up.
+def frontier_cells(
+    before: Ints, fresh: Ints, seen: Bools, opaque: Bools, rooms: NDArray[np.int16], room: int, touched: Bools
+) -> Ints:
+    """Bring a room's frontier up to date: its unseen floor that touches seen floor.
 
     Args:
-        unseen: (n,) flat indices of one room's unseen floor.
+        before: (n,) flat indices, the frontier when all but `fresh` had been seen.
+        fresh: (m,) flat indices of what has been seen since.
         seen: (height, width).
-        given_up: (height, width).
+        opaque: (height, width).
+        rooms: (height, width) room index.
+        room: index of the room.
+        touched: (height, width) all False; is so again at the end.
+
+    Returns:
+        (k,) flat indices, in no order.
     """
     height, width = seen.shape
-    found = np.empty(unseen.size, np.int32)
+    found = np.empty(before.size + 4 * fresh.size, np.int32)
     count = 0
-    for cell in unseen:
+    for cell in before:
         row, column = cell // width, cell % width
-        if given_up[row, column]:
-            continue
+        if not seen[row, column]:
+            touched[row, column] = True
+            found[count] = cell
+            count += 1
+    for cell in fresh:
+        row, column = cell // width, cell % width
         for step in range(4):
             row1, column1 = row + (0, 1, 0, -1)[step], column + (1, 0, -1, 0)[step]
-            if 0 <= row1 < height and 0 <= column1 < width and seen[row1, column1]:
-                found[count] = cell
+            if not (0 <= row1 < height and 0 <= column1 < width) or seen[row1, column1] or touched[row1, column1]:
+                continue
+            if rooms[row1, column1] == room and not opaque[row1, column1]:
+                touched[row1, column1] = True
+                found[count] = row1 * width + column1
                 count += 1
-                break
+    for k in range(count):
+        touched[found[k] // width, found[k] % width] = False
     return found[:count].copy()
 
 
@@ -380,7 +407,20 @@ def viewpoints(reachable: Bools, opaque: Bools, cell: int, near: float, far: flo
 @compiled
 def unseeable(cells: Ints, reachable: Bools, opaque: Bools, near: float, far: float) -> Bools:
     """Tell for each cell whether no reachable cell within `far` sees it; (n,) bool, arguments as in `viewpoints`."""
+    height, width = opaque.shape
+    nothing_spared = np.array([-1e6, -1e6, 1.0, 0.0, 0.0, 0.0])
     dark = np.zeros(cells.size, np.bool_)
     for k in range(cells.size):
-        dark[k] = viewpoints(reachable, opaque, cells[k], near, far).size == 0
+        row0, column0 = cells[k] // width, cells[k] % width
+        dark[k] = True
+        for distance in (near, far):  # most cells are seen from nearby
+            span = int(distance)
+            for row in range(max(0, row0 - span), min(height, row0 + span + 1)):
+                for column in range(max(0, column0 - span), min(width, column0 + span + 1)):
+                    if not dark[k] or not reachable[row, column]:
+                        continue
+                    if (row - row0) ** 2 + (column - column0) ** 2 > distance * distance:
+                        continue
+                    if line_clear(opaque, column + 0.5, row + 0.5, column0 + 0.5, row0 + 0.5, nothing_spared):
+                        dark[k] = False
     return dark
