@@ -138,6 +138,11 @@ class PlanningAgent:
         assert self._model is not None
         return proposed_plans(problem, self.config, self._model, self.trace)
 
+    @property
+    def beliefs(self) -> dict[str, dict[str, float]]:
+        """Return node of the believed graph -> room id -> belief, possible rooms only; empty if nothing is planned."""
+        return self._belief.priors() if self.trace.tasks else {}
+
     # --- lines 19-30: order, execute, update -----------------------------------------------------------------------
 
     def act(self, observation: Any, info: dict[str, Any]) -> EnvAction | None:

@@ -13,6 +13,7 @@ __all__ = [
     "BadAction",
     "BadEnvironmentOption",
     "BadOption",
+    "BadPlacement",
     "BadPlannerSpec",
     "BadPlugin",
     "BadRobotConfig",
@@ -25,6 +26,7 @@ __all__ = [
     "MalformedGoal",
     "ModelError",
     "NotExpressible",
+    "NotInHouse",
     "NotInstalled",
     "NotRecorded",
     "PddlNameError",
@@ -192,6 +194,14 @@ class UnknownActivity(GavelError):
 
 class Ungroundable(GavelError):
     """An activity does not fit a scene; the message says what is missing."""
+
+
+class BadPlacement(GavelError):
+    """A place that is given for a thing cannot be read, or nothing can be put there."""
+
+
+class NotInHouse(GavelError):
+    """A sentence needs something that the house does not have; the message says what, and which houses have it."""
 
 
 # --- what agents are made of ----------------------------------------------------------------------------------------

@@ -102,6 +102,7 @@ class House:
         scene: its file.
         graph: its graph as it stands.
         pieces: nameable furniture, in the scene's order.
+        supports: every place on, in or beside them, and the floors of the rooms.
         floor: map to drive on; None = distances are not asked for.
     """
 
@@ -142,7 +143,7 @@ class House:
         self._room_types = dict(self.rooms)
         self._rooms_with: dict[str, tuple[str, ...]] = {}
         self._travel: dict[str, dict[str, float]] = {}
-        self._supports = self._list_supports()
+        self.supports = self._list_supports()
         self._cache: dict[tuple[str, bool], tuple[tuple[Place, ...], tuple[float, ...]]] = {}
 
     def _list_supports(self) -> tuple[Place, ...]:
@@ -203,7 +204,7 @@ class House:
 
     def _weigh(self, category: str, as_goal: bool) -> tuple[tuple[Place, ...], tuple[float, ...]]:
         by_category, by_theme = _counts()[2:] if as_goal else _counts()[:2]
-        places = tuple(p for p in self._supports if not (as_goal and p.relation == "floor"))
+        places = tuple(p for p in self.supports if not (as_goal and p.relation == "floor"))
         own = self._fit(places, by_category.get(category, {}))
         theme = self._fit(places, by_theme.get(self.vocabulary.movables[category].theme, {}))
         weights = (OWN * own + THEME * theme) * np.array([self.suits(p, category) for p in places], dtype=float)
