@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from eval import Results, evaluate
+    from eval import Results, SentenceRun, evaluate, run_sentence
 
-__all__ = ["Results", "evaluate", "main"]
+__all__ = ["Results", "SentenceRun", "evaluate", "main", "run_sentence"]
 
 _PACKAGE = Path(__file__).parent / "eval"
 

@@ -60,7 +60,7 @@ def tell(run: SentenceRun, console: Console) -> None:
         _line(console, _where_put(put), (f" ({put.why})", "dim"))
     if not run.put:
         _line(console, "everything is there already")
-    _heading(console, "Believed before looking")
+    _heading(console, "Believed at the start")
     _tell_beliefs(run, console)
     _heading(console, "Plan")
     tell_plan(run, console)

@@ -46,9 +46,7 @@ def with_appliances(task: TaskUnderstanding, house: House) -> tuple[TaskUndersta
             continue
         able = [piece for piece in house.pieces if any(_gives(piece.id, flag, c, house) for c in treated)]
         if not able:
-            raise NotInHouse(
-                f"{house.scene.scene} has nothing by which {literal.subject} comes to be {flag.name.lower()}"
-            )
+            raise NotInHouse(f"{house.scene.scene} has nothing to make {literal.subject} {flag.name.lower()}")
         suited = [piece for piece in able if _suits(piece.category, treated, house)] or able
         objects.append(Designator(suited[0].category))
         words = suited[0].category.replace("_", " ")
