@@ -11,8 +11,7 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from functools import cache
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -65,13 +64,13 @@ def merge(record: Instruction, text: str, first: Reading, second: Reading) -> In
     if any(theirs):
         raise Rejected(f"readers: only one says {next(c for task in theirs for c in task)}")
     _check(start, end, drawn, agreed)
-    order = _grouping(first, agreed, len(record.tasks))
     tasks, targets = [], []
-    for index, read in zip(order, first.tasks, strict=True):
-        mine = [one for one in agreed if one.task == index]
-        sentence = (read.text or text) if len(record.tasks) > 1 else text
-        goal = tuple(_goal_text(start, one, record.tasks[index]) for one in mine)
-        tasks.append(TaskSpec(sentence, goal, record.tasks[index].reference_plan))
+    for owners, read in _grouping(record, first, agreed):
+        mine = [one for one in agreed if one.task in owners]
+        sentence = " ".join(part.text or text for part in read) if record.kind == "multi" else text
+        goal = tuple(_goal_text(start, one, record.tasks[one.task]) for one in mine)
+        plan = tuple(step for owner in owners for step in record.tasks[owner].reference_plan)
+        tasks.append(TaskSpec(sentence, goal, plan))
         targets.append(_target(start, sentence, goal, mine, _stated(start, read, second)))
     hidden = [obj for obj in _moved(record) if _behind_a_door(start, obj) and not _said(targets, start, obj)]
     if hidden:
@@ -148,22 +147,29 @@ def _same(wanted: Claim, found: Claim) -> bool:
     )
 
 
-def _grouping(reading: Reading, agreed: Sequence[_Agreed], count: int) -> list[int]:
-    """Return which of the scenario's errands each errand of the reading is.
+def _grouping(
+    record: Instruction, reading: Reading, agreed: Sequence[_Agreed]
+) -> list[tuple[list[int], list[ReadTask]]]:
+    """Return the errands as they are told apart: which of the scenario's they are, and which of the reading's.
+
+    What either of scenario and reading takes for one errand is one.
 
     Raises:
-        Rejected: they are cut differently.
+        Rejected: an errand is missing, or several have become one.
     """
     left = list(agreed)
-    order: list[int] = []
+    groups: list[tuple[list[int], list[ReadTask]]] = []
     for task in reading.tasks:
         owners = {left.pop(0).task for _ in task.literals}
-        if len(owners) != 1:
-            raise Rejected(f"errands: one reading joins {len(owners)} of the scenario's")
-        order += owners
-    if sorted(order) != list(range(count)):
-        raise Rejected(f"errands: {len(order)} read, {count} in the scenario")
-    return order
+        joined = [group for group in groups if owners & set(group[0])]
+        groups = [group for group in groups if group not in joined]
+        owners |= {owner for group in joined for owner in group[0]}
+        groups.append((sorted(owners), [*(read for group in joined for read in group[1]), task]))
+    if sorted(owner for owners, _ in groups for owner in owners) != list(range(len(record.tasks))):
+        raise Rejected("errands: one of the scenario's is missing")
+    if record.kind == "multi" and len(groups) < 2:
+        raise Rejected("errands: all of them have become one")
+    return groups
 
 
 # --- writing targets ------------------------------------------------------------------------------------------------
@@ -234,14 +240,14 @@ def _target(
     }
 
 
-def _stated(graph: SceneGraph, first: ReadTask, second: Reading) -> list[str]:
+def _stated(graph: SceneGraph, first: Sequence[ReadTask], second: Reading) -> list[str]:
     """Return where things are, as far as both readers took it from the text.
 
     Raises:
         Rejected: something is said to be where it is not.
     """
     try:
-        ours = [claim(graph, text) for text in first.stated]
+        ours = [claim(graph, text) for task in first for text in task.stated]
         theirs = [claim(graph, text) for task in second.tasks for text in task.stated]
     except GavelError as error:
         raise Rejected(f"notation: {error}") from error
@@ -288,21 +294,18 @@ def _said(targets: Sequence[Mapping[str, Any]], graph: SceneGraph, obj: str) -> 
 # --- files ----------------------------------------------------------------------------------------------------------
 
 
-@cache
-def _digest(identifier: str) -> str:
-    return hashlib.sha256(identifier.encode()).hexdigest()
+def split(scenarios: Iterable[Instruction]) -> dict[str, str]:
+    """Return id -> half: dev and test in turn within kind and voice, by the hash of the id.
 
-
-def split(records: Sequence[Instruction]) -> list[Instruction]:
-    """Return the records with `meta.split`: dev and test in turn within kind and voice, by the hash of the id."""
+    All scenarios are dealt, kept or not, so that no later round moves a text from one half to the other.
+    """
     groups: Counter[tuple[str, str]] = Counter()
-    found: dict[str, Instruction] = {}
-    for record in sorted(records, key=lambda r: _digest(r.id)):
+    halves: dict[str, str] = {}
+    for record in sorted(scenarios, key=lambda r: hashlib.sha256(r.id.encode()).hexdigest()):
         group = (record.kind, record.meta["voice"])
-        half = ("dev", "test")[groups[group] % 2]
+        halves[record.id] = ("dev", "test")[groups[group] % 2]
         groups[group] += 1
-        found[record.id] = msgspec.structs.replace(record, meta={"split": half, **record.meta})
-    return [found[record.id] for record in records]
+    return halves
 
 
 def merge_files(scenarios: Mapping[str, Instruction], folder: Path, out: Path) -> int:
@@ -326,8 +329,11 @@ def merge_files(scenarios: Mapping[str, Instruction], folder: Path, out: Path) -
             kept.append(merge(scenarios[identifier], text, both[0], both[1]))
         except Rejected as why:
             again.append({"id": identifier, "reason": str(why)})
-    kept.sort(key=lambda record: record.id)
-    out.write_bytes(b"".join(msgspec.json.encode(record) + b"\n" for record in split(kept)))
+    halves = split(scenarios.values())
+    kept = [
+        msgspec.structs.replace(r, meta={"split": halves[r.id], **r.meta}) for r in sorted(kept, key=lambda r: r.id)
+    ]
+    out.write_bytes(b"".join(msgspec.json.encode(record) + b"\n" for record in kept))
     (folder / "rewrite.jsonl").write_bytes(b"".join(msgspec.json.encode(line) + b"\n" for line in again))
     reasons = Counter(line["reason"].partition(":")[0] for line in again)
     print(f"{out}: {len(kept)} kept of {len(texts)}; again: {dict(reasons.most_common())}", file=sys.stderr)
