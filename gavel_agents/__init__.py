@@ -92,7 +92,7 @@ def make(
     prior: Prior | str = "choice",
     profile: Profile | str = "paper",
     ontology: Ontology | None = None,
-    on_surprise: Literal["stop", "next"] = "stop",
+    on_surprise: Literal["stop", "next"] = "next",
     coverage_width_m: float | None = None,
     seed: int | None = None,
     model: ChatModel | None = None,
@@ -109,7 +109,7 @@ def make(
         prior: where objects of a category usually are: a `Prior` or its name, `choice`, `rsn` or `uniform`.
         profile: rules profile, `paper` or `omnigibson`.
         ontology: affordances; default the shipped ones.
-        on_surprise: when something is not where it was said to be, "stop", or try the "next" piece that fits.
+        on_surprise: when something is not where it was said to be, try the "next" piece that fits, or "stop".
         coverage_width_m: w_cov of the cost model, metres; default as measured on the executor (the paper's is 1.2).
         seed: of the model's sampling, if it samples.
         model: older name of `planner`.

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Mapping
 
 from gavel_env.exchange import EnvAction, Observed
 from gavel_env.world_model.actions import Action, Primitive
+from gavel_env.world_model.concepts import is_concept
+from gavel_env.world_model.goals import Designator
 from gavel_env.world_model.graph import Relation, SceneGraph
 from gavel_env.world_model.ontology import category_of
 
@@ -30,15 +32,26 @@ class Binder:
         self.rejected: set[str] = set()
 
     def missing(self, action: Action, believed: SceneGraph, observed: Observed) -> str | None:
-        """Return the bound piece in which what is to be grasped was expected and is not, or None."""
+        """Return the bound piece in which what is gone to or grasped was expected and is not, or None.
+
+        A piece that is still shut is not looked into yet; one that is named by its id is the only one that was meant.
+        """
         node = action.target
-        if action.primitive is not Primitive.GRASP or node is None:
+        if action.primitive not in (Primitive.NAVIGATE_TO, Primitive.GRASP) or node is None:
             return None
         if node not in believed.world.nodes or node in self.bound:
             return None
-        if self._choose(node, believed, observed, near_first=True) is not None:
+        holder = next((holder for _, holder in believed.holders(node) if holder in self.bound), None)
+        if holder is None or _names_an_instance(holder, believed):
             return None
-        return next((holder for _, holder in believed.holders(node) if holder in self.bound), None)
+        piece = self.bound[holder]
+        if observed.graph.is_shut(piece) or observed.graph.closed_container(piece) is not None:
+            return None
+        found = self._choose(node, believed, observed, near_first=True)
+        going = action.primitive is Primitive.NAVIGATE_TO
+        if found is not None and (going or found in observed.graph.near or observed.graph.contains(piece, found)):
+            return None
+        return holder
 
     def reject(self, node: str) -> str:
         """Unbind a node whose instance was not the one that was meant; return that instance."""
@@ -86,10 +99,17 @@ class Binder:
     ) -> EnvAction:
         """Return the search for a node; one named by its id is searched by category, without those seen already."""
         if not _names_an_instance(node, believed):
-            return EnvAction(Primitive.NAVIGATE_TO, node, prior, tuple(sorted(self.rejected)))
+            unfit = self._unfit(node, believed, observed) if is_concept(node) else ()
+            return EnvAction(Primitive.NAVIGATE_TO, node, prior, tuple(sorted(self.rejected.union(unfit))))
         category = believed.category(node).name
         seen = observed.graph.world.by_category.get(category, ())
         return EnvAction(Primitive.NAVIGATE_TO, category, prior, seen)
+
+    def _unfit(self, node: str, believed: SceneGraph, observed: Observed) -> Iterator[str]:
+        """Yield what was seen of a node's concept and cannot do what is asked of the node."""
+        for instance in observed.graph.world.instances(Designator.parse(node).name):
+            if not self._fits(node, instance, believed, observed):
+                yield instance
 
     def bind(self, node: str, instance: str, believed: SceneGraph, observed: Observed) -> None:
         """Bind a node, and with it the nodes that the believed graph says hold it."""
@@ -128,9 +148,10 @@ class Binder:
 
     def candidates(self, node: str, believed: SceneGraph, observed: Observed) -> Iterator[str]:
         """Yield the observed instances that fit a node's designator."""
-        for instance in observed.graph.world.by_category.get(believed.category(node).name, ()):
-            if self._fits(node, instance, believed, observed):
-                yield instance
+        for category in believed.world.nodes[node].categories:
+            for instance in observed.graph.world.by_category.get(category.name, ()):
+                if self._fits(node, instance, believed, observed):
+                    yield instance
 
     def _fits(self, node: str, instance: str, believed: SceneGraph, observed: Observed) -> bool:
         wanted = believed.world.nodes[node]
@@ -138,12 +159,13 @@ class Binder:
             return False
         if _names_an_instance(node, believed):
             return instance == node
-        if observed.graph.category(instance).name != wanted.category.name:
+        kind = observed.graph.category(instance).name
+        if kind != wanted.category.name and not any(kind == other.name for other in wanted.others):
             return False
         if wanted.stated_room is None:
             return True
         room = observed.graph.room_of(instance)
-        return room is not None and wanted.stated_room in (room, observed.graph.world.rooms[room].type)
+        return room is not None and observed.graph.world.rooms[room].fits(wanted.stated_room)
 
 
 def _names_an_instance(node: str, believed: SceneGraph) -> bool:

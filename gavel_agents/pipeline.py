@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from gavel_agents.agent import AgentTrace, stage
 from gavel_agents.beliefs.belief import Belief, Prior
 from gavel_agents.beliefs.believed_graph import believed_graph, observe_flags
+from gavel_agents.beliefs.narrowing import narrow
 from gavel_agents.binding import Binder
+from gavel_agents.edits.repair import repair
 from gavel_agents.llm import ChatModel
 from gavel_agents.methods import MethodConfig
 from gavel_agents.ordering.cost import COVERAGE_WIDTH_M, Place, TravelModel
@@ -28,7 +30,7 @@ from gavel_env.instructions.lookup import About
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile, apply, first_violation
 from gavel_env.world_model.goals import Goal
-from gavel_env.world_model.graph import Relation, SceneGraph, Support
+from gavel_env.world_model.graph import Flag, Relation, SceneGraph, Support
 from gavel_env.world_model.ontology import Ontology, default_ontology
 from gavel_env.world_model.verdict import Plan, validate
 
@@ -50,7 +52,7 @@ class PlanningAgent:
         prior: Prior,
         profile: Profile = Profile.PAPER,
         ontology: Ontology | None = None,
-        on_surprise: Literal["stop", "next"] = "stop",
+        on_surprise: Literal["stop", "next"] = "next",
         coverage_width_m: float = COVERAGE_WIDTH_M,
         seed: int | None = None,
     ) -> None:
@@ -64,8 +66,8 @@ class PlanningAgent:
             prior: where objects of a category usually are.
             profile: rules profile of the environment.
             ontology: affordances (default: the shipped ones).
-            on_surprise: what to do when something is not in the piece where it was said to be: "stop" (the benchmarks'
-                sources are unique), or close that piece and try the "next" one that fits.
+            on_surprise: what to do when something is not in the piece where it was said to be: close that piece and try
+                the "next" one that fits what was said, or "stop".
             coverage_width_m: w_cov of the cost model (default: as measured on the executor; the paper's is 1.2 m).
             seed: of the model's sampling, if it samples.
         """
@@ -104,11 +106,12 @@ class PlanningAgent:
         if not understood.tasks:
             self.trace.stopped = f"not understood: {understood.refused}"
             return
-        self._tasks = understood.tasks
         world = observed.graph.world
+        self._tasks, kinds = narrow(understood.tasks, world.rooms, self._ontology)
         self._graph = believed_graph(
-            world.rooms, world.connections, self._tasks, self._ontology, observed.graph.robot_room
+            world.rooms, world.connections, self._tasks, self._ontology, observed.graph.robot_room, kinds
         )
+        self._unsettled = {node.id: node for node in self._graph.world.nodes.values() if node.others}
         self._belief = Belief.initial(self._graph, observed.layout, self._travel.rooms, self._prior)
         self._belief = self._belief.update(self._graph, observed, self._binder.bound)
         self._planned = self._plan(observed)
@@ -155,35 +158,86 @@ class PlanningAgent:
             if not self._take_in(self._sent, observed):
                 self._running.appendleft(self._sent)
             self._sent = None
-        while not self._running:
-            if not self._order:
-                return None
-            if self.config.order == "every_task" and self.trace.order:
-                self._order = self._reorder(observed)
-            task = self._order.pop(0)
-            self._remaining.remove(task)
-            self.trace.order.append(task)
-            self._running.extend(self._planned.plans[task])
-        self._sent = self._running.popleft()
+        while True:
+            while not self._running:
+                if not self._order:
+                    return None
+                self._begin_task(observed)
+            action = self._running.popleft()
+            if not self._is_needless(action, observed):
+                break
+        self._sent = action
         if self._on_surprise == "next":
-            empty = self._binder.missing(self._sent, self._graph, observed)
+            empty = self._binder.missing(action, self._graph, observed)
             if empty is not None:
-                return self._try_next(empty)
-        return self._binder.send(self._sent, self._graph, observed, self._belief.priors())
+                return self._try_next(empty, observed)
+        return self._binder.send(action, self._graph, observed, self._belief.priors())
 
-    def _try_next(self, holder: str) -> EnvAction:
+    def _begin_task(self, observed: Observed) -> None:
+        if self.config.order == "every_task" and self.trace.order:
+            self._order = self._reorder(observed)
+        task = self._order.pop(0)
+        self._remaining.remove(task)
+        self.trace.order.append(task)
+        self._running.extend(self._planned.plans[task])
+        if self._unsettled:
+            self._adapt()
+
+    def _try_next(self, holder: str, observed: Observed) -> EnvAction:
         """Leave a piece that does not hold what was said, and plan to try the next one that fits."""
         assert self._sent is not None
+        wrong = self._binder.reject(holder)
+        if holder in self._unsettled:
+            self._graph = self._graph.with_nodes({holder: self._unsettled[holder]})
         steps = [Action(Primitive.NAVIGATE_TO, holder)]
-        if self._graph.category(holder).has_door:
+        if any(category.has_door for category in self._graph.world.nodes[holder].categories):
             steps.append(Action(Primitive.OPEN, holder))
         self._running.extendleft(reversed([*steps, self._sent]))
-        wrong = self._binder.reject(holder)
-        if not self._graph.category(holder).has_door:
+        if not observed.graph.has(Flag.OPEN, wrong):
             self._sent = self._running.popleft()
             return EnvAction(Primitive.NAVIGATE_TO, holder, self._belief.priors().get(holder), (wrong,))
         self._sent = Action(Primitive.CLOSE, wrong)
+        if wrong not in observed.graph.near:
+            self._running.appendleft(self._sent)
+            self._sent = Action(Primitive.NAVIGATE_TO, wrong)
         return EnvAction.of(self._sent)
+
+    # --- concepts: what they turn out to be --------------------------------------------------------------------------
+
+    def _settle(self, observed: Observed) -> bool:
+        """Give nodes named by a concept the category of what they are bound to; return whether any changed."""
+        found = {}
+        for node, entry in self._unsettled.items():
+            instance = self._binder.bound.get(node)
+            if instance is not None and self._graph.world.nodes[node].others:
+                real = observed.graph.world.nodes[instance]
+                found[node] = entry._replace(category=real.category, fixed=real.fixed, others=(), weights=())
+        if found:
+            self._graph = self._graph.with_nodes(found)
+        return any(node.category is not self._unsettled[name].category for name, node in found.items())
+
+    def _adapt(self) -> None:
+        """Repair the rest of the task under way if what was found affords other steps than what was expected."""
+        if not self.config.repair:
+            return
+        task = self.trace.order[-1]
+        with stage(self.trace, "repair"):
+            repaired = repair(
+                self._graph, tuple(self._running), self._tasks[task].goal, profile=self._profile, shorten=False
+            )
+        if repaired.verdict.rank[:3] > repaired.before.rank[:3]:
+            self._running = deque(repaired.plan)
+            self.trace.tasks[task].edits += tuple(f"under way: {edit}" for edit in repaired.trace)
+
+    def _is_needless(self, action: Action, observed: Observed) -> bool:
+        """Return whether a step works the door of what was found to have none."""
+        instance = self._binder.bound.get(action.target or "")
+        return (
+            action.primitive in (Primitive.OPEN, Primitive.CLOSE)
+            and action.target in self._unsettled
+            and instance is not None
+            and not observed.graph.category(instance).openable
+        )
 
     def _take_in(self, action: Action, observed: Observed) -> bool:
         """Advance the believed graph by f(G, a), bind what was reached, and update B <- Upsilon(B, a, z).
@@ -193,6 +247,7 @@ class PlanningAgent:
         """
         if not self._binder.arrived(action, self._graph, observed):
             return False
+        changed = bool(self._unsettled) and self._settle(observed)
         for node, instance in self._binder.bound.items():
             room = observed.graph.room_of(instance)
             if node not in self._graph.supports and room is not None and instance != observed.graph.holding:
@@ -202,6 +257,8 @@ class PlanningAgent:
         self._graph = msgspec.structs.replace(self._graph, robot_room=observed.graph.robot_room)
         self._graph = observe_flags(self._graph, observed.graph, self._binder.bound)
         self._belief = self._belief.update(self._graph, observed, self._binder.bound)
+        if changed:
+            self._adapt()
         return True
 
     def _reorder(self, observed: Observed) -> list[int]:

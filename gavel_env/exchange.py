@@ -22,7 +22,8 @@ class EnvAction(NamedTuple):
 
     Attributes:
         primitive: which one.
-        target: an observed instance id, or a designator (`fridge`, `bottom_cabinet@private_office`) to go and find.
+        target: an observed instance id, or a designator to go and find (`fridge`, `bottom_cabinet@private_office`, or a
+            concept, of which any category will do: `any_cabinet@any_office`).
         search_prior: room id -> weight, the order in which rooms are searched; None = nearest first.
         other_than: observed ids that a designator does not mean, such as those that another task has already used.
     """

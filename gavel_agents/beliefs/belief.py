@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gavel_agents.rsn import LocationPrior, RoomInfo, load_prior
 from gavel_env.house.floor_map import FloorMap
-from gavel_env.world_model.graph import Relation, SceneGraph, World
+from gavel_env.world_model.graph import Node, Relation, Room, SceneGraph, World
 
 __all__ = ["Belief", "Evidence", "Prior", "load_prior"]
 
@@ -58,12 +58,26 @@ class _Expectations:
         self.one_hot = {r.id: _frozen(np.eye(len(self._rooms))[i]) for i, r in enumerate(self._rooms)}
         self.uniform = _frozen(np.full(len(self._rooms), 1.0 / len(self._rooms)))
 
-    def of(self, category: str, stated_room: str | None) -> _Expected:
-        """Return what is expected of a category, with a room id or type stated, or none."""
+    def of(self, node: Node) -> _Expected:
+        """Return what is expected of a node of the believed graph.
+
+        Of one that may be of several categories, their expectations are mixed by its weights (`mixture`).
+        """
+        if not node.others:
+            return self._of(node.category.name, node.stated_room)
+        each = [self._of(category.name, node.stated_room) for category in node.categories]
+        weights = np.array(node.weights)
+        return _Expected(
+            _frozen(weights @ np.array([e.stated for e in each])),
+            _frozen(weights @ np.array([e.anywhere for e in each])),
+        )
+
+    def _of(self, category: str, stated_room: str | None) -> _Expected:
+        """Return what is expected of a category, with a room stated, or none."""
         key = (category, stated_room)
         if key not in self._memory:
             anywhere = _frozen(np.asarray(self._prior(category, self._rooms), dtype=np.float64))
-            fits = np.array([stated_room in (None, r.id, r.type) for r in self._rooms])
+            fits = np.array([stated_room is None or Room(r.id, r.type).fits(stated_room) for r in self._rooms])
             stated = _normalised(anywhere * fits)
             if stated is None:
                 # The prior gives the stated rooms nothing, or no reachable room is of the stated type.
@@ -215,7 +229,7 @@ class _Update:
         if support is not None and support.relation is Relation.HELD and believed in one_hot:
             return one_hot[believed]
         entry = self._graph.world.nodes[node]
-        stated, anywhere = self._expected.of(entry.category.name, entry.stated_room)
+        stated, anywhere = self._expected.of(entry)
         if believed in one_hot:
             stated = one_hot[believed]
         there = self._rooms_where_seen(node)
@@ -246,13 +260,13 @@ class _Update:
     def _candidates(self, node: str) -> Iterator[str]:
         """Yield the observed instances that the node may be."""
         entry = self._graph.world.nodes[node]
-        for instance in self._seen.world.by_category.get(entry.category.name, ()):
+        for instance in (i for c in entry.categories for i in self._seen.world.by_category.get(c.name, ())):
             if not entry.fixed and instance in self._taken:
                 continue
             room = self._seen.room_of(instance)
             if room is None:
                 continue
-            if entry.stated_room in (None, room, self._seen.world.rooms[room].type):
+            if entry.stated_room is None or self._seen.world.rooms[room].fits(entry.stated_room):
                 yield instance
 
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 import msgspec
+import numpy as np
 
+from gavel_agents.beliefs.mixture import category_weights
 from gavel_agents.understanding import TaskUnderstanding
+from gavel_env.world_model.concepts import is_concept
 from gavel_env.world_model.conditions import ON_FLOOR, WITHIN, Formula
 from gavel_env.world_model.goals import Designator, Literal, Predicate
 from gavel_env.world_model.graph import Flag, Node, Relation, Room, SceneGraph, Support, World
-from gavel_env.world_model.ontology import Ontology, category_of
+from gavel_env.world_model.ontology import Category, Ontology, category_of
 
 __all__ = ["believed_graph", "uncertain"]
 
@@ -23,18 +27,28 @@ def believed_graph(
     tasks: Iterable[TaskUnderstanding],
     ontology: Ontology,
     robot_room: str | None,
+    kinds: Mapping[str, Sequence[Category]] = MappingProxyType({}),
 ) -> SceneGraph:
     """Return G_0 with the stated relations of all tasks inserted: G_0 <- Insert(G_0, E_i).
 
-    A designator whose stated room is the only one of its type stands in that room; every other location is unknown.
+    A designator whose stated room is the only one of its type stands in that room; every other location is unknown. A
+    node named by a concept is taken for its likeliest category, until one is seen.
+
+    Args:
+        rooms: of the house.
+        connections: between them.
+        tasks: as understood, their concepts narrowed.
+        ontology: affordances.
+        robot_room: where the robot is.
+        kinds: designator named by a concept -> the categories that it may be of (`narrowing`); default: all of them.
 
     Raises:
-        UnknownCategory: a designator's category is not in the ontology.
+        UnknownCategory, UnknownConcept: a designator's category or concept is not in the ontology.
     """
     tasks = tuple(tasks)
     designators = dict.fromkeys(d for task in tasks for d in task.objects)
     moved = _moved(tasks)
-    nodes = {str(d): _node(d, ontology, moved) for d in designators}
+    nodes = {str(d): _node(d, kinds.get(str(d)) or _kinds(d, ontology), rooms, str(d) in moved) for d in designators}
     graph = SceneGraph(World.of(rooms, connections, nodes), {}, {}, robot_room=robot_room)
     for designator in designators:
         room = _only_room(rooms, designator.room)
@@ -51,11 +65,31 @@ def uncertain(graph: SceneGraph) -> tuple[str, ...]:
     return tuple(obj for obj in graph.world.nodes if obj not in graph.supports)
 
 
-def _node(designator: Designator, ontology: Ontology, moved: frozenset[str]) -> Node:
-    name = designator.name if designator.name in ontology else category_of(designator.name)
-    category = ontology[name]
-    carried = category.carryable and (str(designator) in moved or category.wipes)
-    return Node(str(designator), category, not (category.graspable or carried), designator.room)
+def _kinds(designator: Designator, ontology: Ontology) -> tuple[Category, ...]:
+    name = designator.name
+    return ontology.kinds(name if ontology.knows(name) or is_concept(name) else category_of(name))
+
+
+def _node(designator: Designator, kinds: Sequence[Category], rooms: Mapping[str, Room], moved: bool) -> Node:
+    name, stated = str(designator), designator.room
+    if len(kinds) == 1:
+        return Node(name, kinds[0], is_fixed(kinds[0], moved), stated)
+    there = [room.type for room in rooms.values() if stated is None or room.fits(stated)]
+    weights = category_weights([c.name for c in kinds], there or [room.type for room in rooms.values()])
+    first, *others = np.argsort(-weights, kind="stable").tolist()
+    return Node(
+        name,
+        kinds[first],
+        is_fixed(kinds[first], moved),
+        stated,
+        tuple(kinds[i] for i in others),
+        tuple(float(weights[i]) for i in (first, *others)),
+    )
+
+
+def is_fixed(category: Category, moved: bool) -> bool:
+    """Return whether a thing of a category stays where it is; what takes both arms only if no goal wants it moved."""
+    return not (category.graspable or (category.carryable and (moved or category.wipes)))
 
 
 _MOVING = {p.value for p in Predicate if p.arity == 2} | {ON_FLOOR, WITHIN}
@@ -77,7 +111,7 @@ def _moved(tasks: Iterable[TaskUnderstanding]) -> frozenset[str]:
 
 
 def _only_room(rooms: Mapping[str, Room], stated: str | None) -> str | None:
-    fitting = [r.id for r in rooms.values() if stated in (r.id, r.type)]
+    fitting = [] if stated is None else [r.id for r in rooms.values() if r.fits(stated)]
     return fitting[0] if len(fitting) == 1 else None
 
 

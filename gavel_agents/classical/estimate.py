@@ -138,7 +138,7 @@ class Estimate:
         found = []
         for o, node in graph.world.nodes.items():
             where = graph.room_of(o) if node.fixed else None
-            if where is not None and room in (where, rooms[where].type):
+            if where is not None and rooms[where].fits(room):
                 found.append(o)
         return found
 

@@ -122,7 +122,7 @@ def bring_into_room(case: Case, literal: Literal) -> Iterator[Change]:
     graph = case.graph
     for piece in case.preferred(o for o, node in graph.world.nodes.items() if node.fixed):
         room = graph.room_of(piece)
-        if room is not None and str(literal.object) in (room, graph.world.rooms[room].type):
+        if room is not None and graph.world.rooms[room].fits(str(literal.object)):
             relation = Relation.ON_TOP if graph.category(piece).surface else Relation.FLOOR
             yield from _append(case, Errand(obj, relation, piece))
             return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from gavel_agents.edits.names import read_name
 from gavel_agents.edits.rule import Case, Change, Rule, drop, insert, replace
 from gavel_agents.edits.sketch import Sketch, outermost_shut
 from gavel_agents.edits.wants import SPATIAL, Errand, chosen_subject, destinations, errands, works_of
@@ -261,7 +262,7 @@ def release_in_room(case: Case) -> Iterator[Change]:
     if held is None or case.action.primitive not in PLACES or case.graph.robot_room != room.id:
         return
     for literal in case.goal.literals:
-        asked = literal.predicate is Predicate.IN_ROOM and str(literal.object) in (room.id, room.type)
+        asked = literal.predicate is Predicate.IN_ROOM and room.fits(str(literal.object))
         if asked and chosen_subject(case, literal.subject, case.graph) == held:
             yield replace(case.plan, case.step, (Action(Primitive.RELEASE),))
 
@@ -309,8 +310,8 @@ VIOLATION_RULES: Mapping[ViolationKind, tuple[Rule, ...]] = {
     ViolationKind.NOT_GRASPABLE: (drop_step,),
     ViolationKind.NO_DOOR: (drop_doors,),
     ViolationKind.NO_SWITCH: (drop_switches,),
-    # Which object was meant, and where it is after all, is for the model to say.
-    ViolationKind.UNKNOWN_OBJECT: (place_elsewhere,),
+    # If people's words do not tell which object was meant, and where it is after all, is for the model to say.
+    ViolationKind.UNKNOWN_OBJECT: (read_name, place_elsewhere),
     ViolationKind.NOT_FOUND: (),
     ViolationKind.UNREACHABLE: (),
 }

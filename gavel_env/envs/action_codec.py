@@ -13,6 +13,7 @@ from gavel_env.envs.spaces import MAX_ROOMS
 from gavel_env.errors import BadAction, nearest_names
 from gavel_env.exchange import EnvAction
 from gavel_env.world_model.actions import Primitive
+from gavel_env.world_model.concepts import is_concept
 from gavel_env.world_model.goals import Designator
 from gavel_env.world_model.ontology import Ontology
 
@@ -77,6 +78,8 @@ class ActionCodec:
         name, _, room = target.partition("@")
         category = self._index.get(name)
         if category is None:
+            if is_concept(name):
+                raise BadAction(f"the action space cannot say the concept {name!r}; pass the EnvAction itself to step")
             near = ", ".join(nearest_names(target, [*nodes.node, *self._categories])) or "none"
             raise BadAction(f"target {target!r} is no observed id and no category; nearest: {near}")
         if room:

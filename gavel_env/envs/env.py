@@ -54,8 +54,9 @@ class GavelEnv(gym.Env[Observation, Any]):
     instance, one that is near if there is any.
 
     `step` also takes a `gavel_env.EnvAction`, which says the same in names: an observed id or a designator
-    (`fridge`, `bottom_cabinet@private_office`), weights by room id, and ids that are not meant. `encode` turns one into
-    the dict form, `decode` turns it back.
+    (`fridge`, `bottom_cabinet@private_office`, or `any_cabinet@any_office`, of which any category and room will do),
+    weights by room id, and ids that are not meant. `encode` turns one into the dict form, `decode` turns it back;
+    concepts have no number in it.
 
     ## Observation Space
 

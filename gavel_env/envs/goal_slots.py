@@ -18,7 +18,7 @@ from gavel_env.instructions.vocabulary import default_vocabulary
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile, first_violation
 from gavel_env.world_model.goals import Designator, Goal, Predicate, fitting
-from gavel_env.world_model.graph import Flag, SceneGraph
+from gavel_env.world_model.graph import Flag, Room, SceneGraph
 from gavel_env.world_model.ontology import Category, default_ontology
 
 __all__ = ["GoalSlots", "Slot", "goal_designators", "named_slots"]
@@ -199,7 +199,8 @@ class GoalSlots:
 
     def _can_be_searched_for(self, designator: Designator, observed: Observed) -> bool:
         room = designator.room
-        return any(r not in observed.searched and room in (None, r, kind) for r, kind in self._room_types.items())
+        unsearched = (Room(r, kind) for r, kind in self._room_types.items() if r not in observed.searched)
+        return any(room is None or there.fits(room) for there in unsearched)
 
 
 _TARGETED = tuple(p for p in Primitive if p.takes_target)

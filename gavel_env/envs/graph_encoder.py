@@ -24,7 +24,7 @@ from gavel_env.envs.spaces import (
 from gavel_env.exchange import Observed
 from gavel_env.house.floor_map import FloorMap
 from gavel_env.world_model.goals import Designator
-from gavel_env.world_model.graph import Flag, Relation, SceneGraph
+from gavel_env.world_model.graph import Flag, Relation, Room, SceneGraph
 from gavel_env.world_model.ontology import Category, Ontology
 
 __all__ = ["GraphEncoder"]
@@ -81,8 +81,9 @@ class GraphEncoder:
             )
 
     def fits_room(self, designator: Designator) -> NDArray[np.bool_]:
-        """Return (rooms,) bool: whether a designator's room is this one, by id or type."""
-        return np.array([designator.room in (None, room, self._room_types[room]) for room in self.rooms])
+        """Return (rooms,) bool: whether a designator's room is this one, by id, type or concept."""
+        stated = designator.room
+        return np.array([stated is None or Room(room, self._room_types[room]).fits(stated) for room in self.rooms])
 
     def common_name(self, rooms: Sequence[str]) -> str | None:
         """Return the room id or type that means exactly these rooms, or None if there is none."""

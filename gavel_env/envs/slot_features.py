@@ -177,7 +177,7 @@ def _affordances(category: Category) -> list[bool]:
 
 def _robot_is_in(graph: SceneGraph, literal: Literal) -> bool:
     room = graph.robot_room
-    return room is not None and str(literal.object) in (room, graph.world.rooms[room].type)
+    return room is not None and graph.world.rooms[room].fits(str(literal.object))
 
 
 def feature_space(slots: int, literals: int) -> spaces.Box:

@@ -149,7 +149,7 @@ def _support(graph: SceneGraph, placement: Placement, place: str) -> Support:
     relation = _RELATIONS[placement.relation]
     if relation is Relation.FLOOR:
         for room in graph.world.rooms.values():
-            if placement.target in (room.id, room.type):
+            if room.fits(placement.target):
                 return Support(relation, room.id)
         raise InstructionError(f"{place}: no room {placement.target!r}; rooms: {', '.join(graph.world.rooms)}")
     found = fitting(graph, Designator.parse(placement.target))

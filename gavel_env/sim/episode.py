@@ -131,7 +131,7 @@ class Episode:
             return plain, None
         accepts = self._acceptance(designator, action.other_than, excluded_rooms)
         if action.primitive is Primitive.NAVIGATE_TO:
-            return plain, accepts if designator.name in self._ontology else None
+            return plain, accepts if self._ontology.knows(designator.name) else None
         found = [obj for obj in fitting(self.observed.graph, designator) if accepts(obj)]
         found.sort(key=lambda obj: (obj not in self.observed.graph.near, obj == self.observed.graph.holding))
         return (Action(action.primitive, found[0]) if found else plain), None
@@ -141,14 +141,14 @@ class Episode:
     ) -> Accepts:
         def accepts(obj: str) -> bool:
             graph = self.executor.hidden
-            if graph.category(obj).name != designator.name or obj in other_than:
+            if not graph.category(obj).is_a(designator.name) or obj in other_than:
                 return False
             if designator.room is None and not excluded_rooms:
                 return True
             room = graph.room_of(obj)
             if room is None or room in excluded_rooms:
                 return False
-            return designator.room in (None, room, graph.world.rooms[room].type)
+            return designator.room is None or graph.world.rooms[room].fits(designator.room)
 
         return accepts
 

@@ -137,7 +137,8 @@ class Executor:
         """Run one primitive.
 
         Args:
-            action: its target is an observed instance id, or for `NAVIGATE_TO` also a category or `category@room`.
+            action: its target is an observed instance id, or for `NAVIGATE_TO` also a designator (a category or a
+                concept, perhaps with a room).
             search_prior: weights over rooms for a search; default: nearest first.
             accepts: what a `NAVIGATE_TO` searches for; default: any instance that fits the target.
 
@@ -229,9 +230,9 @@ class Executor:
         if accepts is None and target in self._hidden.world.rooms:
             return action, Violation(ViolationKind.ROOM_TARGET, target)
         category, _, room = target.partition("@")
-        if accepts is None and category not in self._ontology:
+        if accepts is None and not self._ontology.knows(category):
             return action, Violation(ViolationKind.UNKNOWN_OBJECT, target)
-        rooms = [r.id for r in self._hidden.world.rooms.values() if not room or room in (r.id, r.type)]
+        rooms = [r.id for r in self._hidden.world.rooms.values() if not room or r.fits(room)]
         if accepts is None:
             accepts = self._fits(category, rooms)
         known = [obj for obj in self._observed if accepts(obj)]
@@ -244,10 +245,8 @@ class Executor:
         return Action(Primitive.NAVIGATE_TO, reached or target), violation
 
     def _fits(self, category: str, rooms: Collection[str]) -> Accepts:
-        """Return the default test of a search: any instance of the category in one of the rooms."""
-        return lambda obj: (
-            self._hidden.world.nodes[obj].category.name == category and self._hidden.room_of(obj) in rooms
-        )
+        """Return the default test of a search: any instance of the category or concept in one of the rooms."""
+        return lambda obj: self._hidden.world.nodes[obj].category.is_a(category) and self._hidden.room_of(obj) in rooms
 
     def _go_to_one_of(self, candidates: Iterable[str]) -> tuple[str | None, Violation | None]:
         """Drive to the nearest stance of any accessible candidate; return which, or why none can be gone to."""

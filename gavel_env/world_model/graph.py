@@ -70,6 +70,7 @@ class Node(NamedTuple):
         fixed: whether it is a fixed piece.
         stated_room: the room (id, type or concept) that a designator states, if any.
         others: what else a node named by a concept may be, likeliest first.
+        weights: probability of `category` and of each of the others; empty if there are none.
     """
 
     id: str
@@ -77,6 +78,7 @@ class Node(NamedTuple):
     fixed: bool
     stated_room: str | None = None
     others: tuple[Category, ...] = ()
+    weights: tuple[float, ...] = ()
 
     @property
     def categories(self) -> tuple[Category, ...]:

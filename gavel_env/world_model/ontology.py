@@ -15,8 +15,8 @@ from typing import Literal
 import msgspec
 
 from gavel_env.data import read_json, shipped_data
-from gavel_env.errors import UnknownCategory
-from gavel_env.world_model.concepts import Concepts, default_concepts
+from gavel_env.errors import UnknownCategory, UnknownConcept
+from gavel_env.world_model.concepts import Concepts, default_concepts, is_concept
 
 __all__ = ["Category", "Mount", "Ontology", "TemperatureSource", "category_of", "default_ontology", "load_ontology"]
 
@@ -111,6 +111,10 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         """True if the robot can pick up a loose instance, with one hand or both arms."""
         return self.graspable or self.carryable
 
+    def is_a(self, name: str) -> bool:
+        """Return whether `name` is this category or a concept that it belongs to."""
+        return name == self.name or name in self.concepts
+
     @property
     def has_door(self) -> bool:
         """True for a container that can be shut."""
@@ -159,6 +163,23 @@ class Ontology(Mapping[str, Category]):
             return self._categories[name]
         except KeyError:
             raise UnknownCategory(name, self._categories) from None
+
+    def kinds(self, name: str) -> tuple[Category, ...]:
+        """Return the categories that a name stands for: those of a concept that are here, or the one of that name.
+
+        Raises:
+            UnknownCategory, UnknownConcept: with the nearest names.
+        """
+        if not is_concept(name):
+            return (self[name],)
+        found = tuple(self[member] for member in self.concepts.categories(name) if member in self)
+        if not found:
+            raise UnknownConcept(name, self.concepts.things, "this ontology")
+        return found
+
+    def knows(self, name: str) -> bool:
+        """Return whether a name is that of a category or of a concept over categories."""
+        return name in self._categories or (is_concept(name) and name in self.concepts.things)
 
     def __contains__(self, name: object) -> bool:
         return name in self._categories

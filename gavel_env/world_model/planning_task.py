@@ -275,7 +275,7 @@ class _Goal:
         if len(args) == 1:
             return _any([(_state(predicate), self._written[s]) for s in subjects])
         if predicate in (Predicate.IN_ROOM.value, ON_FLOOR):
-            rooms = [r.id for r in self._graph.world.rooms.values() if args[1] in (r.id, r.type)]
+            rooms = [r.id for r in self._graph.world.rooms.values() if r.fits(args[1])]
             name = "in-room" if predicate == Predicate.IN_ROOM.value else "on-floor"
             return _any([(name, self._written[s], self._written[r]) for s in subjects for r in rooms])
         objects = self._fitting(args[1])

@@ -199,3 +199,33 @@ def test_a_table_without_irregular_plurals_still_reads_regular_ones():
 def test_a_concept_of_one_is_no_concept():
     assert all(len(concept.members) > 1 for name, concept in CONCEPTS.things.items() if is_concept(name))
     assert Concept(("mug",)) != Concept(("mug",), ("cup",))
+
+
+# --- the docs --------------------------------------------------------------------------------------------------------
+
+
+def excerpt() -> list[str]:
+    """Return rows of the page's table: every tenth concept, in alphabetical order."""
+    rows = []
+    for name in sorted(filter(is_concept, (*CONCEPTS.things, *CONCEPTS.places)))[::10]:
+        table = CONCEPTS.things if name in CONCEPTS.things else CONCEPTS.places
+        words = [word for word in CONCEPTS.words(name) if word != name.removeprefix("any_").replace("_", " ")]
+        members = [f"`{member}`" for member in table[name].members]
+        more = ", …" if len(members) > 4 else ""
+        said = ", ".join([name.removeprefix("any_").replace("_", " "), *words[:3]])
+        rows.append(f"| {said} | `{name}` | {', '.join(members[:4])}{more} |")
+    return rows
+
+
+def test_the_docs_show_the_table_as_it_is():
+    [page] = (Path(__file__).parents[2] / "docs").rglob("concepts.md")
+    text = page.read_text(encoding="utf-8")
+    shown = text.split("<!-- excerpt -->")[1].split("<!-- end of excerpt -->")[0].strip().splitlines()[2:]
+    assert shown == excerpt()
+    counts = (
+        len(CONCEPTS.thing_words),
+        len(CONCEPTS.place_words),
+        sum(map(is_concept, CONCEPTS.things)),
+        sum(map(is_concept, CONCEPTS.places)),
+    )
+    assert all(f"{count:,} " in text for count in counts), counts
