@@ -17,7 +17,6 @@ import numpy as np
 from eval.sentence.said_places import Spot, categories_of, read_place
 from eval.sentence.unsaid import presupposed, with_appliances
 from gavel_agents.understanding import TaskUnderstanding
-from gavel_env.envs.spaces import INSTRUCTION_CHARACTERS
 from gavel_env.errors import NotInHouse
 from gavel_env.house.scenes import BENCHMARK_HOUSES, load_scene
 from gavel_env.instructions.initial_graph import scene_graph
@@ -98,7 +97,7 @@ def stage(
     instruction = Instruction(
         "sentence",
         house.scene.scene,
-        "".join(c for c in text if c in _CHARACTERS),
+        text.encode("utf-8", "ignore").decode("utf-8"),
         tuple(one.placement for one in put),
         tuple(TaskSpec(t.text, tuple(map(str, t.goal.literals)), (), _formulas(t.goal)) for t in completed),
         "single" if len(completed) == 1 else "multi",
@@ -107,7 +106,6 @@ def stage(
     return Staged(instruction, tuple(completed), put, tuple(notes))
 
 
-_CHARACTERS = frozenset(INSTRUCTION_CHARACTERS)
 _RELATIONS: Mapping[Predicate, typing.Literal["on", "in"]] = {Predicate.ON_TOP: "on", Predicate.INSIDE: "in"}
 
 

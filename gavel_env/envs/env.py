@@ -11,7 +11,8 @@ import msgspec
 from gavel_env.envs.action_codec import ActionCodec
 from gavel_env.envs.graph_encoder import GraphEncoder
 from gavel_env.envs.rewards import RewardWeights
-from gavel_env.envs.spaces import INSTRUCTION_CHARACTERS, MAX_INSTRUCTION, observation_space
+from gavel_env.envs.spaces import MAX_INSTRUCTION, observation_space
+from gavel_env.envs.unicode_text import is_unicode
 from gavel_env.errors import BadEnvironmentOption, InstructionError, ResetNeeded, UnknownInstruction
 from gavel_env.exchange import EnvAction, Observed
 from gavel_env.house.robot_config import DEFAULT_ROBOT, RobotConfig
@@ -367,11 +368,8 @@ def _check_text(instruction: Instruction) -> None:
         raise InstructionError(
             f"instruction {instruction.id!r}: text has {len(instruction.text)} characters; at most {MAX_INSTRUCTION}"
         )
-    if strange := sorted(set(instruction.text) - _CHARACTERS):
-        raise InstructionError(f"instruction {instruction.id!r}: text has the character {strange[0]!r}")
-
-
-_CHARACTERS = frozenset(INSTRUCTION_CHARACTERS)
+    if not is_unicode(instruction.text):
+        raise InstructionError(f"instruction {instruction.id!r}: text has half a character, a lone surrogate")
 
 
 def _options(kind: Any, given: Any, default: Any) -> Any:

@@ -8,19 +8,18 @@ no node.
 from __future__ import annotations
 
 import enum
-import string
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
+from gavel_env.envs.unicode_text import UnicodeText
 from gavel_env.errors import TooManyNodes
 from gavel_env.world_model.dynamics import ViolationKind
 from gavel_env.world_model.graph import Flag
 
 __all__ = [
     "AFFORDANCES",
-    "INSTRUCTION_CHARACTERS",
     "MAX_CATEGORIES",
     "MAX_INSTRUCTION",
     "MAX_ROOMS",
@@ -40,15 +39,6 @@ NO_ROOM = MAX_ROOMS
 MAX_CATEGORIES = 10_000
 _FAR_M = 1e6
 MAX_INSTRUCTION = 4096
-INSTRUCTION_CHARACTERS = "".join(
-    dict.fromkeys(
-        string.printable
-        + "".join(map(chr, range(0xA0, 0x250)))
-        + "".join(map(chr, range(0x370, 0x500)))
-        + "".join(map(chr, range(0x2010, 0x2028)))
-        + "…′″€→−×≤≥"
-    )
-)
 _ROOM_TYPES = """
     bar bathroom bedroom biology_lab break_room chemistry_lab childs_room classroom closet computer_lab
     conference_hall copy_room corridor dining_room empty_room entryway exercise_room garage garden grocery_store gym
@@ -148,7 +138,7 @@ def observation_space(max_nodes: int, *, with_graph: bool) -> spaces.Dict:
     """Return the observation space; `with_graph` adds the `graph` entry."""
     parts: dict[str, spaces.Space[Any]] = {
         "holding": spaces.Discrete(max_nodes),
-        "instruction": spaces.Text(max_length=MAX_INSTRUCTION, min_length=0, charset=INSTRUCTION_CHARACTERS),
+        "instruction": UnicodeText(MAX_INSTRUCTION),
         "metres": spaces.Box(0.0, _FAR_M, (1,), np.float32),
         "outcome": spaces.Discrete(len(OUTCOMES)),
         "pose": spaces.Box(-_FAR_M, _FAR_M, (4,), np.float32),
