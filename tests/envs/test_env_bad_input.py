@@ -35,7 +35,7 @@ RECORD = msgspec.to_builtins(INSTRUCTIONS["rs_apple_to_table"])
         ({"placements": [{**APPLE, "target": "moon"}]}, InstructionError, "moon"),
         ({"placements": [{**APPLE, "target": "coffee_table_0"}]}, InstructionError, "holds at the start"),
         ({"text": "a" * 5000}, InstructionError, "characters"),
-        ({"text": "把苹果拿来"}, InstructionError, "character"),
+        ({"text": "half \ud83d of one"}, InstructionError, "surrogate"),
     ],
     ids=lambda value: str(value)[:40],
 )  # fmt: skip
