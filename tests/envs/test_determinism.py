@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from support.houses import FILE, INSTRUCTIONS, make, send
 
-TESTS = Path(__file__).parents[1]
+HERE = Path(__file__).parent
 
 
 def trajectory(seed: int) -> str:
@@ -56,8 +56,8 @@ def note(digest: hashlib._Hash, observation: dict[str, object], info: dict[str, 
 def in_another_process(code: str, hash_seed: str) -> str:
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
-        cwd=TESTS,
-        env={**os.environ, "PYTHONHASHSEED": hash_seed, "PYTHONPATH": os.pathsep.join(("..", *sys.path[1:]))},
+        cwd=HERE,
+        env={**os.environ, "PYTHONHASHSEED": hash_seed, "PYTHONPATH": os.pathsep.join(("../..", "..", *sys.path[1:]))},
         capture_output=True,
         text=True,
         check=False,
