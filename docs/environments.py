@@ -9,7 +9,9 @@ import inspect
 from pathlib import Path
 
 from gavel_env.envs.env import GavelEnv
+from gavel_env.envs.rl import SlotEnv
 from gavel_env.envs.spaces import NODE_COLUMNS, EdgeType
+from gavel_env.envs.text_game import TextGame
 from gavel_env.envs.wrappers import FlatActions, PaddedGraph, TextActions
 from gavel_env.world_model.dynamics import ViolationKind
 
@@ -18,9 +20,10 @@ PAGE = Path(__file__).with_suffix(".md")
 BEGINNING = """\
 # Environments
 
-Importing `gavel_env` registers three environments with Gymnasium: `Gavel-SingleTask-v0` (one task per instruction, at
+Importing `gavel_env` registers these environments with Gymnasium: `Gavel-SingleTask-v0` (one task per instruction, at
 most 200 steps), `Gavel-MultiTask-v0` (two to five independent tasks, at most 500 steps) and `Gavel-Behavior-v0`
 ([BEHAVIOR's activities](behavior.md), at most 500 steps). All are `gavel_env.GavelEnv` with another instruction file.
+`Gavel-RL-v0` is the same for [reinforcement learning](learners.md), which also tells of the game in words.
 
 ```python
 import gymnasium as gym
@@ -125,8 +128,8 @@ def page() -> str:
     parts += [", ".join(f"{int(e)} `{e.name.lower()}`" for e in EdgeType), ".\n\n## Outcomes\n\n"]
     parts += ["`ok`, or why an action was refused: ", ", ".join(f"`{kind.value}`" for kind in ViolationKind), ".\n"]
     parts += ["\n## Wrappers\n"]
-    for wrapper in (TextActions, FlatActions, PaddedGraph):
-        parts += [f"\n### {wrapper.__name__}\n\n", markdown(wrapper), "\n"]
+    for wrapper in (TextActions, FlatActions, PaddedGraph, SlotEnv, TextGame):
+        parts += [f"\n### {wrapper.__name__}\n\n", markdown(wrapper).replace("\n## ", "\n#### "), "\n"]
     return "".join([*parts, END])
 
 

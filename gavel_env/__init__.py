@@ -13,6 +13,7 @@ from gymnasium.envs.registration import register
 
 if TYPE_CHECKING:
     from gavel_env.envs.env import GavelEnv
+    from gavel_env.envs.pyg import observation_to_pyg
     from gavel_env.envs.rewards import RewardWeights
     from gavel_env.envs.rl import SlotEnv
     from gavel_env.envs.text_game import TextGame
@@ -52,6 +53,7 @@ __all__ = [
     "ViolationKind",
     "export_pddl",
     "load_scene",
+    "observation_to_pyg",
     "parse_action",
     "parse_goal",
     "read_instructions",
@@ -82,6 +84,7 @@ _HOME = {
     "ViolationKind": "world_model.dynamics",
     "export_pddl": "world_model.pddl",
     "load_scene": "house.scenes",
+    "observation_to_pyg": "envs.pyg",
     "parse_action": "world_model.actions",
     "parse_goal": "world_model.goals",
     "read_instructions": "instructions.record",
