@@ -9,7 +9,7 @@ A container that was looked into and shut again makes room for the next one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cache
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ from gavel_env.world_model.goals import Designator, Goal, Predicate, fitting
 from gavel_env.world_model.graph import Flag, Room, SceneGraph
 from gavel_env.world_model.ontology import Category, default_ontology
 
-__all__ = ["GoalSlots", "Slot", "goal_designators", "named_slots"]
+__all__ = ["GoalSlots", "Slot", "can_be_searched_for", "goal_designators", "named_slots"]
 
 
 class Slot(NamedTuple):
@@ -87,13 +87,19 @@ def named_slots(goal: Goal) -> tuple[Slot, ...]:
     return (*things, *(Slot(_machine(flag), None, flag) for flag in _wanted_states(goal)))
 
 
+def can_be_searched_for(designator: Designator, rooms: Collection[Room], searched: Collection[str]) -> bool:
+    """Tell whether a room where a designator may be found has not been searched."""
+    fits = (room for room in rooms if designator.room is None or room.fits(designator.room))
+    return any(room.id not in searched for room in fits)
+
+
 class GoalSlots:
     """The slots of one episode.
 
     Args:
         goal: what is asked for; its `named_slots` must not be more than `size`.
         size: K.
-        room_types: type of every room id, for designators with a room.
+        rooms: of the house, for designators with a room.
 
     Attributes:
         slots: K of them.
@@ -101,13 +107,13 @@ class GoalSlots:
         unreachable: instances to which no route was found; they are not offered again.
     """
 
-    def __init__(self, goal: Goal, size: int, room_types: Mapping[str, str]) -> None:
+    def __init__(self, goal: Goal, size: int, rooms: Collection[Room]) -> None:
         named = named_slots(goal)
         self.slots: list[Slot] = [*named, *[Slot()] * (size - len(named))]
         self.opened: set[str] = set()
         self.unreachable: set[str] = set()
         self._named = len(named)
-        self._room_types = room_types
+        self._rooms = rooms
         self._wanted = _wanted_states(goal)
         self._waiting: tuple[list[str], list[str], list[str]] = ([], [], [])  # appliances, containers, the rest
         self._filed = 0
@@ -198,9 +204,7 @@ class GoalSlots:
                     yield primitive, index
 
     def _can_be_searched_for(self, designator: Designator, observed: Observed) -> bool:
-        room = designator.room
-        unsearched = (Room(r, kind) for r, kind in self._room_types.items() if r not in observed.searched)
-        return any(room is None or there.fits(room) for there in unsearched)
+        return can_be_searched_for(designator, self._rooms, observed.searched)
 
 
 _TARGETED = tuple(p for p in Primitive if p.takes_target)

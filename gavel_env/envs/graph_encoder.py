@@ -152,9 +152,9 @@ class GraphEncoder:
             with_robot = []
         still, here = len(self._links), len(self._links) + len(near)
         links = np.zeros((here + len(with_robot), 2), np.int32)
-        types = np.full(len(links), int(EdgeType.NEAR))
+        types = np.empty(len(links), np.int64)
         links[:still], types[:still] = self._links, self._types
-        links[still:here, 1] = near
+        links[still:here, 1], types[still:here] = near, EdgeType.NEAR
         links[here:, 0], links[here:, 1], types[here:] = with_robot, room, EdgeType.ROOM_INSIDE
         return GraphInstance(nodes=nodes, edges=types, edge_links=links)
 

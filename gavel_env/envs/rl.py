@@ -135,8 +135,7 @@ class SlotEnv(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         observed = self._base.observed
         self._goal: Goal = self._base.privileged_state().instruction.goal()
         self._check_size(info["instruction_id"])
-        types = {room.id: room.type for room in observed.graph.world.rooms.values()}
-        self._table = GoalSlots(self._goal, self.slots, types)
+        self._table = GoalSlots(self._goal, self.slots, observed.graph.world.rooms.values())
         self._features = SlotFeatures(self._goal, self._table, self.literals)
         self._at_first: list[frozenset[str]] = [frozenset()] * len(Flag)
         self._known = 0

@@ -10,7 +10,7 @@ from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
 from gavel_env.envs.env import BadEnvironmentOption, GavelEnv
-from gavel_env.envs.goal_slots import goal_designators
+from gavel_env.envs.goal_slots import can_be_searched_for, goal_designators
 from gavel_env.errors import MalformedAction
 from gavel_env.exchange import EnvAction
 from gavel_env.world_model.actions import Action, parse_action
@@ -129,12 +129,11 @@ class TextGame(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     def admissible_commands(self) -> list[str]:
         """Return the commands that are admissible now."""
         observed = self._base.observed
-        types = {room.id: room.type for room in observed.graph.world.rooms.values()}
+        rooms = observed.graph.world.rooms.values()
         unknown = [
             str(designator)
             for designator in goal_designators(self._goal)
-            if not fitting(observed.graph, designator)
-            and any(designator.room in (None, r, t) for r, t in types.items() if r not in observed.searched)
+            if not fitting(observed.graph, designator) and can_be_searched_for(designator, rooms, observed.searched)
         ]
         return commands(observed.graph, self._base.profile, unknown)
 

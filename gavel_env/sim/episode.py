@@ -99,6 +99,7 @@ class Episode:
         self.violation: Violation | None = None
         self._ontology = ontology
         self._doubted = 0
+        self._each = tuple(Goal((literal,)) for literal in self.goal.literals)
         self._positions: dict[str, tuple[float, float]] = {}
         self.observed = self._view("", None)
 
@@ -155,17 +156,16 @@ class Episode:
     # --- seeing --------------------------------------------------------------------------------------------------
 
     def _view(self, outcome: str, reached: str | None) -> Observed:
-        state = self.executor.observed
-        graph = state.graph
+        pose, graph = self.executor.pose, self.executor.graph
         return Observed(
             instruction=self.instruction.text,
             graph=graph,
             layout=self.layout,
             positions=self._place(graph),
-            cell=state.cell,
-            heading_deg=math.degrees(state.heading),
-            searched=frozenset(state.searched),
-            metres=state.metres,
+            cell=pose.cell,
+            heading_deg=math.degrees(pose.heading),
+            searched=pose.searched,
+            metres=pose.metres,
             outcome=outcome,
             reached=reached,
         )
@@ -177,7 +177,9 @@ class Episode:
         for held in {graph.holding, None if last is None else last.holding} - {None}:
             assert held is not None
             moved.update((held, *graph.descendants(held)))
-        fresh = [obj for obj in graph.world.nodes if obj not in self._positions or obj in moved]
+        fresh = list(moved)
+        if len(graph.world.nodes) > len(self._positions):
+            fresh += [obj for obj in graph.world.nodes if obj not in self._positions]
         if fresh:
             self._positions = self._positions | {obj: self.executor.position(obj) for obj in fresh}
         return self._positions
@@ -195,7 +197,7 @@ class Episode:
             violation=violation,
             unmet=missing,
             unsafe=tuple(f"{'open' if flag is Flag.OPEN else 'toggled'}({obj})" for flag, obj in left),
-            metres=self.executor.observed.metres,
+            metres=self.executor.pose.metres,
         )
 
     def succeeded(self) -> bool:
@@ -204,7 +206,7 @@ class Episode:
         literals = self.goal.literals
         for offset in range(len(literals)):
             index = (self._doubted + offset) % len(literals)
-            if unmet(Goal((literals[index],)), hidden):
+            if unmet(self._each[index], hidden):
                 self._doubted = index
                 return False
         return not unmet(self.goal, hidden) and not unsafe(self.start, hidden, self.goal)

@@ -27,7 +27,7 @@ from gavel_env.world_model.dynamics import Profile, Violation, ViolationKind, ap
 from gavel_env.world_model.graph import SceneGraph
 from gavel_env.world_model.ontology import Ontology, default_ontology
 
-__all__ = ["Accepts", "Executor", "ObservedState", "Outcome"]
+__all__ = ["Accepts", "Executor", "ObservedState", "Outcome", "Pose"]
 
 Accepts = Callable[[str], bool]
 """Tells of an observed instance id whether it is what a search is for."""
@@ -56,6 +56,22 @@ class Outcome(NamedTuple):
     def ok(self) -> bool:
         """True if the action was carried out."""
         return self.violation is None
+
+
+class Pose(NamedTuple):
+    """Where the robot is and how far it came.
+
+    Attributes:
+        cell: flat index of the robot's cell.
+        heading: radians, clockwise from x.
+        metres: driven so far.
+        searched: rooms searched.
+    """
+
+    cell: int
+    heading: float
+    metres: float
+    searched: frozenset[str]
 
 
 class ObservedState(NamedTuple):
@@ -125,6 +141,11 @@ class Executor:
         return ObservedState(
             self._graph, seen, tuple(self._searched), self._robot.cell, self._robot.heading, self._robot.metres
         )
+
+    @property
+    def pose(self) -> Pose:
+        """Return where the robot is and how far it came; `observed` has the rest, and copies a map."""
+        return Pose(self._robot.cell, self._robot.heading, self._robot.metres, frozenset(self._searched))
 
     @property
     def graph(self) -> SceneGraph:

@@ -70,6 +70,8 @@ class Robot:
 
     def take_trail(self) -> Indices:
         """Return the cells driven since the last call, (n,) flat, the present one last; forget them."""
+        if not self._driven:
+            return np.array([self.cell], np.int32)
         trail = [cells[:-1] for cells in self._driven]
         self._driven = []
         return np.concatenate([*trail, np.array([self.cell], np.int32)])
