@@ -64,7 +64,9 @@ class GraphEncoder:
             kind = ROOM_TYPES.index(room.type) if room.type in ROOM_TYPES else -1
             self._rows[row, :7] = (NodeKind.ROOM, kind, *(low + high) / 2, *(high - low), row)
         self._graph: SceneGraph | None = None
-        self._searched: frozenset[str] = frozenset()
+        self._searched: frozenset[str] = frozenset()  # as marked in the rows of the graph, and in `searched`
+        self._searched_rooms: frozenset[str] = frozenset()
+        self._searched_row = np.zeros(MAX_ROOMS, np.int8)
         self._links: NDArray[np.int32] = np.zeros((0, 2), np.int32)
         self._types: NDArray[np.int64] = np.zeros(0, np.int64)
 
@@ -193,9 +195,9 @@ class GraphEncoder:
         """Return the observation without the graph; `robot`: its x, y in metres."""
         self.update(observed.graph)
         graph = observed.graph
-        searched = np.zeros(MAX_ROOMS, np.int8)
-        for room in observed.searched:
-            searched[self.node[room] - 1] = 1
+        for room in observed.searched - self._searched_rooms:
+            self._searched_row[self.node[room] - 1] = 1
+        self._searched_rooms = observed.searched
         heading = math.radians(observed.heading_deg)
         return {
             "holding": 0 if graph.holding is None else self.node[graph.holding],
@@ -204,7 +206,7 @@ class GraphEncoder:
             "outcome": _OUTCOME_INDEX[observed.outcome],
             "pose": np.array((robot[0], robot[1], math.cos(heading), math.sin(heading)), np.float32),
             "room": NO_ROOM if graph.robot_room is None else self.node[graph.robot_room] - 1,
-            "searched": searched,
+            "searched": self._searched_row.copy(),
         }
 
 

@@ -6,6 +6,7 @@ Whoever holds an `Episode` can reach the hidden world; agents never do. They are
 from __future__ import annotations
 
 import math
+import operator
 from typing import NamedTuple
 
 import numpy as np
@@ -99,6 +100,7 @@ class Episode:
         self.violation: Violation | None = None
         self._ontology = ontology
         self._doubted = 0
+        self._failed_on: tuple[object, ...] | None = None
         self._each = tuple(Goal((literal,)) for literal in self.goal.literals)
         self._positions: dict[str, tuple[float, float]] = {}
         self.observed = self._view("", None)
@@ -201,15 +203,28 @@ class Episode:
         )
 
     def succeeded(self) -> bool:
-        """Return whether everything is met and safe, quickly: the literal that failed last is looked at first."""
+        """Return whether everything is met and safe, quickly.
+
+        The literal that failed last is looked at first, and only if something that it depends on has changed.
+        """
         hidden = self.executor.hidden
         literals = self.goal.literals
+        if self._failed_on is not None and all(map(operator.is_, self._failed_on, self._basis(hidden))):
+            return False
+        first = self._doubted
         for offset in range(len(literals)):
-            index = (self._doubted + offset) % len(literals)
-            if unmet(self._each[index], hidden):
-                self._doubted = index
+            self._doubted = (first + offset) % len(literals)
+            if unmet(self._each[self._doubted], hidden):
+                self._failed_on = self._basis(hidden)
                 return False
+        self._failed_on = None
         return not unmet(self.goal, hidden) and not unsafe(self.start, hidden, self.goal)
+
+    def _basis(self, graph: SceneGraph) -> tuple[object, ...]:
+        """Return the parts of a graph that decide about the literal that failed last."""
+        flag = self.goal.literals[self._doubted].predicate.flag
+        flagged = None if flag is None else graph.flags[flag]
+        return graph.supports, graph.next_to, graph.robot_room, flagged
 
     def reveal(self) -> Privileged:
         """Make every object observed, and return the hidden state."""

@@ -259,3 +259,14 @@ def test_ansi_says_what_is_known_and_nothing_else() -> None:
 
 def test_no_picture_without_a_render_mode() -> None:
     assert start("rs_apple_to_table").unwrapped.render() is None
+
+
+@pytest.mark.parametrize("name", sorted(INSTRUCTIONS))
+def test_the_quick_test_of_success_agrees_with_the_judge_at_every_step(name: str) -> None:
+    env = start(name, terminate_on_success=False)
+    episode = env.unwrapped._episode
+    for action in INSTRUCTIONS[name].reference_plan():
+        env.step(send(env, action))
+        for _ in range(2):
+            assert episode.succeeded() == episode.judge().success
+    assert episode.succeeded()
