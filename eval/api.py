@@ -56,11 +56,12 @@ class Results:
         """Return agent -> share of its scheduled episodes that it solved, in [0, 1]."""
         solved: Counter[str] = Counter()
         scheduled: Counter[str] = Counter()
-        for section in results(self._files).sections:
-            for row in section.rows:
-                if row.success is not None:
-                    solved[row.contestant.agent] += round(row.success.mean * row.scheduled / 100)
-                scheduled[row.contestant.agent] += row.scheduled
+        # A contestant that stands in two parts of a benchmark has all of its episodes in the later one.
+        rows = {(s.benchmark.data, r.contestant.config): r for s in results(self._files).sections for r in s.rows}
+        for row in rows.values():
+            if row.success is not None:
+                solved[row.contestant.agent] += round(row.success.mean * row.scheduled / 100)
+            scheduled[row.contestant.agent] += row.scheduled
         return {agent: solved[agent] / count for agent, count in scheduled.items() if count}
 
     def failures(self) -> dict[str, dict[str, int]]:

@@ -16,6 +16,7 @@ import numpy as np
 from gavel_agents.agent import AgentTrace, TaskTrace, stage
 from gavel_env.errors import ResetNeeded
 from gavel_env.exchange import EnvAction
+from gavel_env.instructions.record import TaskSpec
 from gavel_env.sim.episode import Privileged
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import apply, first_violation
@@ -80,7 +81,7 @@ class OracleAgent:
         self._state = env.unwrapped.reveal()
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Order the reference plans by the metres they really take.
+        """Order the reference plans by the metres they really take; a task without one is planned classically.
 
         Raises:
             ResetNeeded: `reveal` has not been called for this episode.
@@ -89,11 +90,17 @@ class OracleAgent:
             raise ResetNeeded("the oracle needs reveal(env) after env.reset(...) and before its own reset(...)")
         state = self._state
         self.trace = AgentTrace()
-        plans = [task.parsed_plan() for task in state.instruction.tasks]
+        self._left: deque[Action] = deque()
+        plans: list[Sequence[Action]] = []
         for task in state.instruction.tasks:
-            self.trace.tasks.append(
-                TaskTrace(text=task.text, goal=task.goal, plan=task.reference_plan, verdict="reference")
-            )
+            plan = task.parsed_plan() or _planned(state, task)
+            if plan is None:
+                self.trace.stopped = f"not understood: no_reference: no plan is known or found for {task.text!r}"
+                return
+            plans.append(plan)
+            verdict = "reference" if task.reference_plan else "planned"
+            steps = tuple(map(str, plan))
+            self.trace.tasks.append(TaskTrace(text=task.text, goal=task.goal, plan=steps, verdict=verdict))
         with stage(self.trace, "order"):
             order = _cheapest(state, plans)
         self.trace.order.extend(order)
@@ -105,6 +112,13 @@ class OracleAgent:
             self.trace.stopped = f"refused: {info['outcome']}"
             return None
         return EnvAction.of(self._left.popleft()) if self._left else None
+
+
+def _planned(state: Privileged, task: TaskSpec) -> tuple[Action, ...] | None:
+    """Return a plan over the true graph, or None if a search finds none."""
+    from gavel_agents.classical.search import search
+
+    return search(state.graph, task.parsed_goal(), state.executor.profile).plan
 
 
 def _cheapest(state: Privileged, plans: Sequence[Sequence[Action]]) -> tuple[int, ...]:

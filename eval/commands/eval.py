@@ -84,6 +84,7 @@ def _eval(arguments: argparse.Namespace) -> int:
         arguments.agents or default_agents(planners),
         settings,
         planners=planners,
+        given=arguments.planner,
         understanding=arguments.understanding,
         prior=arguments.prior,
     )

@@ -5,16 +5,18 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Mapping, Sequence
+from typing import Literal
 
 from eval.report.grid import CHOICES, Grid, grids
 from eval.report.planning_cost import in_order
 from eval.report.statistics import Estimate
 from eval.report.tables import Results, Row
 
-__all__ = ["FORMATS", "render", "to_csv"]
+__all__ = ["FORMATS", "render", "render_grids", "terminal", "to_csv"]
 
 
-def _terminal(tables: Sequence[Grid], _: Results, width: int | None = None) -> str:
+def terminal(tables: Sequence[Grid], _: Results, width: int | None = None) -> str:
+    """Return tables for a terminal, of its width (140 characters where there is none) unless another is given."""
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
@@ -27,18 +29,39 @@ def _terminal(tables: Sequence[Grid], _: Results, width: int | None = None) -> s
         console.print(Text(grid.title, style="bold"))
         if grid.facts:
             console.print(Text(" · ".join(grid.facts), style="dim"))
-        table = Table(box=SIMPLE_HEAD, pad_edge=False)
-        for index, name in enumerate(grid.header):
-            table.add_column(Text(name), justify="left" if index < grid.labels else "right", overflow="fold")
-        for row in grid.rows:
-            table.add_row(*map(Text, row))
-        console.print(table)
+        for shown in _side_by_side(grid, console.width):
+            table = Table(box=SIMPLE_HEAD, pad_edge=False)
+            for index in shown:
+                justify: Literal["left", "right"] = "left" if index < grid.labels else "right"
+                table.add_column(Text(grid.header[index]), justify=justify, min_width=_narrowest(grid, index))
+            for row in grid.rows:
+                table.add_row(*(Text(row[index]) for index in shown))
+            needed = sum(_narrowest(grid, index) + 2 for index in shown)
+            console.print(table, width=max(console.width, needed), crop=False)
         for note in grid.notes:
             console.print(Text(note))
         console.print()
     stream = console.file
     assert isinstance(stream, io.StringIO)
     return "\n".join(line.rstrip() for line in stream.getvalue().rstrip().splitlines()) + "\n"
+
+
+def _narrowest(grid: Grid, index: int) -> int:
+    """Return the width of a column's longest word: words are never broken."""
+    cells = [grid.header[index], *(row[index] for row in grid.rows)]
+    return max((len(word) for cell in cells for word in cell.split()), default=1)
+
+
+def _side_by_side(grid: Grid, width: int) -> list[list[int]]:
+    """Return which columns are shown together: all, or as many as fit beside the labels, one set below the other."""
+    labels = list(range(grid.labels))
+    sets: list[list[int]] = [[*labels]]
+    for index in range(grid.labels, len(grid.header)):
+        together = [*sets[-1], index]
+        if len(sets[-1]) > grid.labels and sum(_narrowest(grid, i) + 3 for i in together) > width:
+            sets.append([*labels])
+        sets[-1].append(index)
+    return sets
 
 
 def _markdown(tables: Sequence[Grid], _: Results) -> str:
@@ -112,7 +135,7 @@ def to_csv(results: Results, *, costs: bool = False) -> str:
             "recorded",
         ]
         + [f"{name}{part}" for name in measures for part in ("", "_pm", "_low", "_high")]
-        + ["matched_episodes", "times_oracle"]
+        + ["matched_episodes", "times_oracle", "part"]
         + [f"{name}{part}" for name in spent for part in ("", "_pm")]
     )
     for section in results.sections:
@@ -125,7 +148,7 @@ def to_csv(results: Results, *, costs: bool = False) -> str:
                 [bench.kind, bench.source, bench.stamp, bench.data, who.agent, int(who.privileged)]
                 + [getattr(who, choice) for choice in CHOICES]
                 + [who.config, " ".join(map(str, section.seeds)), row.scheduled, row.recorded, *numbers]
-                + [section.matched if index in section.compared else "", _blank(row.regret)]
+                + [section.matched if index in section.compared else "", _blank(row.regret), section.part]
                 + ([_blank(part) for value in _spent(row, stages) for part in _parts(value)[:2]] if costs else [])
             )
     return stream.getvalue()
@@ -147,7 +170,7 @@ def _blank(value: float | None) -> str:
 
 
 FORMATS: Mapping[str, Callable[[Sequence[Grid], Results], str]] = {
-    "terminal": _terminal,
+    "terminal": terminal,
     "markdown": _markdown,
     "latex": _latex,
     "csv": lambda _, results: to_csv(results),
@@ -160,3 +183,15 @@ def render(results: Results, form: str = "terminal", *, failures: bool = False, 
     if form == "csv":
         return to_csv(results, costs=costs)
     return FORMATS[form](grids(results, failures=failures, costs=costs), results)
+
+
+def render_grids(tables: Sequence[Grid], form: str = "terminal") -> str:
+    """Return tables as they are laid out in a format of `FORMATS`; as CSV one block per table, under its title."""
+    if form != "csv":
+        return FORMATS[form](tables, Results((), (), (), ()))
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    for grid in tables:
+        writer.writerow([grid.title])
+        writer.writerows([grid.header, *grid.rows])
+    return stream.getvalue()

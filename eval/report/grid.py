@@ -12,7 +12,19 @@ from eval.report.planning_cost import in_order
 from eval.report.statistics import Estimate
 from eval.report.tables import Results, Row, Section
 
-__all__ = ["CHOICES", "UNDEFINED", "Grid", "grids", "short_spec"]
+__all__ = [
+    "CHOICES",
+    "UNDEFINED",
+    "Grid",
+    "facts_of",
+    "grids",
+    "labels_of",
+    "marks_explained",
+    "number",
+    "part_of",
+    "seconds",
+    "short_spec",
+]
 
 UNDEFINED = "—"
 _TITLES = {"single": "Single tasks", "multi": "Multi-task instructions", "behavior": "BEHAVIOR activities"}
@@ -52,7 +64,8 @@ class _Column(NamedTuple):
     cell: Callable[[Row], str]
 
 
-def _number(value: Estimate | None, digits: int) -> str:
+def number(value: Estimate | None, digits: int) -> str:
+    """Return an estimate as a cell: mean and ±, or mean and interval."""
     if value is None:
         return UNDEFINED
     text = f"{value.mean:.{digits}f}"
@@ -61,8 +74,9 @@ def _number(value: Estimate | None, digits: int) -> str:
     return f"{text} ± {UNDEFINED if value.spread is None else f'{value.spread:.{digits}f}'}"
 
 
-def _seconds(value: Estimate | None) -> str:
-    return _number(value, 1 if value is None or value.mean >= 1 else 4 if value.mean < 0.1 else 2)
+def seconds(value: Estimate | None) -> str:
+    """Return seconds as a cell, with more digits where they are few."""
+    return number(value, 1 if value is None or value.mean >= 1 else 4 if value.mean < 0.1 else 2)
 
 
 def _episodes(row: Row) -> str:
@@ -70,12 +84,12 @@ def _episodes(row: Row) -> str:
 
 
 _COLUMNS = (
-    _Column("Success (%)", lambda row: _number(row.success, 1)),
-    _Column("Metres", lambda row: _number(row.metres, 2)),
-    _Column("Metres, matched", lambda row: _number(row.matched, 2)),
+    _Column("Success (%)", lambda row: number(row.success, 1)),
+    _Column("Metres", lambda row: number(row.metres, 2)),
+    _Column("Metres, matched", lambda row: number(row.matched, 2)),
     _Column("× oracle", lambda row: UNDEFINED if row.regret is None else f"{row.regret:.2f}"),
-    _Column("Planning (s)", lambda row: _seconds(row.planning_s)),
-    _Column("Attempts", lambda row: _number(row.attempts, 2)),
+    _Column("Planning (s)", lambda row: seconds(row.planning_s)),
+    _Column("Attempts", lambda row: number(row.attempts, 2)),
     _Column("N", _episodes),
 )
 _STAGES = {
@@ -102,7 +116,7 @@ def grids(results: Results, *, failures: bool = False, costs: bool = False) -> t
     return tuple(tables)
 
 
-def _labels(section: Section) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+def labels_of(section: Section) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Return the text columns: the agent with its marks, what differs between rows, and stamps to tell twins apart."""
     varying = [name for name in CHOICES if len({getattr(r.contestant, name) for r in section.rows} - {""}) > 1]
     rows = [
@@ -128,12 +142,12 @@ def _marks(row: Row) -> str:
 
 
 def _main(section: Section, results: Results) -> Grid:
-    header, labels = _labels(section)
+    header, labels = labels_of(section)
     cells = [[column.cell(row) for column in _COLUMNS] for row in section.rows]
     shown = [i for i, column in enumerate(_COLUMNS) if column.name == "N" or any(row[i] != UNDEFINED for row in cells)]
     return Grid(
         title=_name(section),
-        facts=_facts(section, results),
+        facts=facts_of(section, results),
         header=(*header, *(_COLUMNS[i].name for i in shown)),
         labels=len(header),
         rows=tuple((*label, *(row[i] for i in shown)) for label, row in zip(labels, cells, strict=True)),
@@ -142,10 +156,18 @@ def _main(section: Section, results: Results) -> Grid:
 
 
 def _name(section: Section) -> str:
-    return _TITLES.get(section.benchmark.kind, section.benchmark.kind)
+    return _TITLES.get(section.benchmark.kind, section.benchmark.kind) + part_of(section)
 
 
-def _facts(section: Section, results: Results) -> tuple[str, ...]:
+def part_of(section: Section) -> str:
+    """Return what is added to a title where rows of a benchmark are over different instructions."""
+    if section.part == "shared":
+        return f": the {section.instructions} on which all rows were run"
+    return f": all {section.instructions}" if section.part else ""
+
+
+def facts_of(section: Section, results: Results) -> tuple[str, ...]:
+    """Return what a table was made from: file, stamps, planner, model, seeds, rules, code."""
     bench = section.benchmark
     parts = [f"{section.instructions} from {bench.source}", f"stamp {bench.stamp or UNDEFINED}, data {bench.data}"]
     for choice in CHOICES:
@@ -159,18 +181,17 @@ def _facts(section: Section, results: Results) -> tuple[str, ...]:
 
 
 def _section_notes(section: Section) -> list[str]:
-    _, labels = _labels(section)
+    _, labels = labels_of(section)
     agents = Counter(row.contestant.agent for row in section.rows)
     names = [
         row.contestant.agent if agents[row.contestant.agent] == 1 else " ".join(cells)
         for row, cells in zip(section.rows, labels, strict=True)
     ]
     notes = []
-    if not section.alike:
+    if section.part == "shared":
         drawn = sorted({short_spec(row.contestant.planner) for row in section.rows if row.contestant.sample})
         notes.append(
-            "Not all rows are over the same episodes (N): success and metres are each over the row's own, matched "
-            "metres over common ones."
+            "Every row is over the instructions that all of them were run on; those that were run on more follow below."
             + "".join(f" {planner}: a sample of the instructions, drawn by the hash of their ids." for planner in drawn)
         )
     if section.compared:
@@ -178,9 +199,7 @@ def _section_notes(section: Section) -> list[str]:
         note = f"Metres, matched: over the {section.matched} episodes that all of these solved: {together}"
         out = [name for i, name in enumerate(names) if i not in section.compared]
         notes.append(note + (f"; left out: {', '.join(out)}." if out else "."))
-    kinds = {row.contestant.planner_kind for row in section.rows}
-    kinds |= {"privileged" for row in section.rows if row.contestant.privileged}
-    notes += [f"{mark} {meaning}." for kind, (mark, meaning) in _MARKS.items() if kind in kinds]
+    notes += marks_explained(section)
     missing = sum(row.scheduled - row.recorded for row in section.rows)
     if missing:
         notes.append(f"INCOMPLETE: {missing} scheduled episodes have no record and count as not solved.")
@@ -188,6 +207,13 @@ def _section_notes(section: Section) -> list[str]:
     if crashed:
         notes.append(f"{crashed} episodes ended in an error and count as not solved (gavel tables --failures).")
     return notes
+
+
+def marks_explained(section: Section) -> list[str]:
+    """Return one line per mark that a section's rows carry."""
+    kinds = {row.contestant.planner_kind for row in section.rows}
+    kinds |= {"privileged" for row in section.rows if row.contestant.privileged}
+    return [f"{mark} {meaning}." for kind, (mark, meaning) in _MARKS.items() if kind in kinds]
 
 
 def _footer(results: Results) -> list[str]:
@@ -206,15 +232,15 @@ def _footer(results: Results) -> list[str]:
 
 
 def _costs(section: Section) -> Grid:
-    header, labels = _labels(section)
+    header, labels = labels_of(section)
     columns = [
-        _Column("Calls", lambda row: _number(row.costs.calls, 2)),
-        _Column("Prompt tokens", lambda row: _number(row.costs.prompt_tokens, 0)),
-        _Column("New tokens", lambda row: _number(row.costs.completion_tokens, 0)),
+        _Column("Calls", lambda row: number(row.costs.calls, 2)),
+        _Column("Prompt tokens", lambda row: number(row.costs.prompt_tokens, 0)),
+        _Column("New tokens", lambda row: number(row.costs.completion_tokens, 0)),
     ]
     for name in in_order(name for row in section.rows for name in row.costs.seconds):
         columns.append(_Column(_STAGES.get(name, f"{name} (s)"), partial(_stage_mean, name)))
-    columns.append(_Column("Planning (s)", lambda row: _seconds(row.costs.planning_s)))
+    columns.append(_Column("Planning (s)", lambda row: seconds(row.costs.planning_s)))
     columns.append(_Column("N", lambda row: str(row.costs.episodes)))
     shown = [i for i, row in enumerate(section.rows) if row.costs.episodes]
     return Grid(
@@ -230,7 +256,7 @@ def _costs(section: Section) -> Grid:
 def _stage_mean(stage: str, row: Row) -> str:
     """Return the mean alone: the spread of the whole says more than those of its parts, which CSV has."""
     spent = row.costs.seconds.get(stage)
-    return UNDEFINED if spent is None else _seconds(spent).partition(" ")[0]
+    return UNDEFINED if spent is None else seconds(spent).partition(" ")[0]
 
 
 def _cost_notes(section: Section) -> list[str]:
@@ -248,7 +274,7 @@ def _cost_notes(section: Section) -> list[str]:
 
 
 def _failures(section: Section) -> Grid:
-    _, labels = _labels(section)
+    _, labels = labels_of(section)
     totals: dict[str, int] = {}
     for row in section.rows:
         for kind, count in row.failures.items():

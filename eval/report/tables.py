@@ -60,7 +60,9 @@ class Section(NamedTuple):
         rows: in the order in which contestants were first scheduled.
         compared: positions in `rows` of those whose metres are matched.
         matched: number of (instruction, seed) pairs that all compared contestants solved.
-        alike: whether all rows are over the same (instruction, seed) pairs.
+        part: empty if all rows are over the same (instruction, seed) pairs; `shared` for those that all contestants
+            have in common, compared first; `all` for the others, each over all that it was scheduled on.
+        keys: scheduled episodes per row.
     """
 
     benchmark: Benchmark
@@ -70,7 +72,8 @@ class Section(NamedTuple):
     rows: tuple[Row, ...]
     compared: tuple[int, ...]
     matched: int
-    alike: bool
+    part: str
+    keys: tuple[tuple[EpisodeKey, ...], ...]
 
 
 class Results(NamedTuple):
@@ -118,7 +121,8 @@ def results(files: RecordFile, compare: Sequence[str] | None = None) -> Results:
     for name in compare or ():
         if name not in known:
             raise UnknownAgent(name, known, "these records")
-    sections = [_section(scheduled, files.records, compare) for scheduled in _gather(files)]
+    parts = [part for scheduled in _gather(files) for part in _parts(scheduled)]
+    sections = [_section(scheduled, files.records, compare, part) for scheduled, part in parts]
     codes = [header.code for header in files.headers] + [record.code for record in files.records.values()]
     profiles = [str(header.environment.get("profile", "")) for header in files.headers]
     seeds = sorted({seed for section in sections for seed in section.seeds})
@@ -154,8 +158,23 @@ def _gather(files: RecordFile) -> list[_Scheduled]:
     return list(found.values())
 
 
+def _parts(scheduled: _Scheduled) -> list[tuple[_Scheduled, str]]:
+    """Split a benchmark whose contestants were run on different instructions: what they share first, then the rest."""
+    pairs = {config: frozenset((k.instruction, k.seed) for k in keys) for config, keys in scheduled.keys.items()}
+    shared = frozenset.intersection(*pairs.values())
+    if len(set(pairs.values())) == 1 or not shared:
+        return [(scheduled, "")]
+    common, rest = _Scheduled(scheduled.benchmark), _Scheduled(scheduled.benchmark)
+    for config, keys in scheduled.keys.items():
+        who = scheduled.contestants[config]
+        common.add(who, [key for key in keys if (key.instruction, key.seed) in shared])
+        if pairs[config] != shared:
+            rest.add(who, keys)
+    return [(common, "shared"), (rest, "all")]
+
+
 def _section(
-    scheduled: _Scheduled, records: Mapping[EpisodeKey, EpisodeRecord], compare: Sequence[str] | None
+    scheduled: _Scheduled, records: Mapping[EpisodeKey, EpisodeRecord], compare: Sequence[str] | None, part: str
 ) -> Section:
     solved: dict[str, dict[int, dict[str, float]]] = {}
     for config, keys in scheduled.keys.items():
@@ -193,7 +212,8 @@ def _section(
         rows=tuple(rows),
         compared=tuple(i for i, config in enumerate(scheduled.keys) if config in compared),
         matched=sum(map(len, common.values())),
-        alike=len({frozenset((key.instruction, key.seed) for key in keys) for keys in scheduled.keys.values()}) == 1,
+        part=part,
+        keys=tuple(tuple(keys) for keys in scheduled.keys.values()),
     )
 
 

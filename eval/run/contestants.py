@@ -74,6 +74,7 @@ def choose(
     settings: EnvironmentSettings,
     *,
     planners: Sequence[str] = (),
+    given: Sequence[str] | None = None,
     understanding: str = "reference",
     prior: str = "choice",
 ) -> tuple[Contestant, ...]:
@@ -85,6 +86,8 @@ def choose(
         agents: names.
         settings: of the environments.
         planners: specs of language models; `multi=SPEC` is for instructions of that kind alone.
+        given: those that agents of others get; default all. A user who named none has not asked to run them once per
+            planner that is shipped.
         understanding: name of the task understanding.
         prior: name of the location prior.
 
@@ -114,7 +117,8 @@ def choose(
                     f"agent {agent!r} asks a language model, and none is given: "
                     f"add --planner scripted:FILE.jsonl, or leave it out of --agents"
                 )
-            for kinds, spec in map(_for_kind, planners or ("",)):
+            ours = agent in METHODS or agent == "react"
+            for kinds, spec in map(_for_kind, (planners if ours or given is None else given) or ("",)):
                 planner = _with_engine(spec)
                 recording = _shipped(planner)
                 chosen.append(

@@ -133,6 +133,7 @@ def schedule(
     *,
     kinds: Sequence[str] = (),
     sampled: int | None = None,
+    every: int = 1,
     limit: int | None = None,
     settings: EnvironmentSettings | None = None,
     plugins: Sequence[str] = (),
@@ -145,6 +146,7 @@ def schedule(
         seeds: one episode per seed.
         kinds: keep only instructions of these kinds; default all.
         sampled: keep only so many of each kind and file, as `eval.records.sampling` takes them.
+        every: keep only every so-manieth of each kind and file, the first one included.
         limit: keep only the first so many of those, and of the samples that contestants are bound to.
         settings: of the environments.
         plugins: modules whose import registers agents.
@@ -162,7 +164,7 @@ def schedule(
                 of_kind.setdefault(instruction.kind, []).append(instruction)
         usual = Counter({kind: len(found) for kind, found in of_kind.items()}).most_common(1)
         for kind, found in of_kind.items():
-            ids = sample((i.id for i in found), sampled)
+            ids = sample([i.id for i in found][::every], sampled)
             if limit is not None:
                 samples = [one.sample for one in contestants if one.takes(kind) and one.sample is not None]
                 ids = sample(ids, max(limit, min(samples)) if samples else None)[:limit]

@@ -16,8 +16,8 @@ from scipy.stats import binomtest
 from eval.records.journal import RecordFile
 from eval.records.sampling import sample
 from eval.records.schema import Benchmark, Contestant, EpisodeKey, EpisodeRecord, RejectedLine, RunHeader
-from eval.report.formats import FORMATS, render, to_csv
-from eval.report.grid import grids
+from eval.report.formats import FORMATS, render, terminal, to_csv
+from eval.report.grid import Grid, grids
 from eval.report.statistics import over_episodes, over_seeds, share_over_seeds, wilson
 from eval.report.tables import Results, Row, results
 from gavel_agents.agent import AgentTrace
@@ -164,26 +164,38 @@ def test_rows_on_a_sample_say_so_and_matched_metres_are_over_common_episodes() -
     records += [record(replay, name, 0, metres=50.0) for name in drawn[:6]]
     records += [record(replay, name, 0, "unmet") for name in drawn[6:]]
     found = results(file(records, header((replay, plans, ORACLE), seeds=(0,))))
-    [section] = found.sections
-    first, second, last = section.rows
-    assert (first.scheduled, second.scheduled, last.scheduled, section.matched) == (10, 30, 30, 6)
+    shared, rest = found.sections
+    assert [(section.part, section.instructions) for section in found.sections] == [("shared", 10), ("all", 30)]
+    assert [[row.scheduled for row in section.rows] for section in found.sections] == [[10, 10, 10], [30, 30]]
+    assert (shared.matched, rest.matched) == (6, 30)
     common = np.mean([float(name[1:]) for name in drawn[:6]])
-    assert [row.matched.mean for row in section.rows if row.matched] == [50.0, common, common]
-    assert first.regret == pytest.approx(50.0 / common)
-    [grid] = grids(found)
-    assert [row[-1] for row in grid.rows] == ["10", "30", "30"]
-    assert [row[1] for row in grid.rows] == ["replay:multi", "reference:multi", "—"]
-    notes = " ".join(grid.notes)
-    assert "Not all rows are over the same episodes" in notes
+    assert [row.matched.mean for row in shared.rows if row.matched] == [50.0, common, common]
+    assert shared.rows[0].regret == pytest.approx(50.0 / common)
+    first, second = grids(found)
+    assert first.title.endswith("the 10 on which all rows were run")
+    assert second.title.endswith("all 30")
+    assert [row[1] for row in first.rows] == ["replay:multi", "reference:multi", "—"]
+    notes = " ".join(first.notes)
     assert "replay:multi: a sample" in notes
     assert "6 episodes that all of these solved: gavel-full replay:multi, gavel-full ¶ reference:multi, or" in notes
 
 
-def test_rows_on_the_same_episodes_carry_no_warning() -> None:
-    assert "Not all rows" not in render(results(file(made_up())))
+def test_rows_on_the_same_episodes_are_one_table() -> None:
+    assert all(not section.part for section in results(file(made_up())).sections)
     bound = msgspec.structs.replace(FULL, sample=10)
     few = benchmark(tuple(sample(IDS, 10)))
-    assert "Not all rows" not in render(results(file([], header((bound, ORACLE), (few,)))))
+    assert [s.part for s in results(file([], header((bound, ORACLE), (few,)))).sections] == [""]
+
+
+@pytest.mark.parametrize("width", [40, 60, 100, 200])
+def test_a_wide_table_is_set_below_itself_and_no_word_is_broken(width: int) -> None:
+    header_ = ("Failure", *(f"contestant-number-{n} reference:multi" for n in range(9)))
+    grid = Grid("Title", (), header_, 1, (("violation:not_graspable", *("123456",) * 9),))
+    text = terminal([grid], Results((), (), (), ()), width)
+    words = text.split()
+    assert words.count("123456") == 9
+    assert words.count("violation:not_graspable") >= 1
+    assert all(f"contestant-number-{n}" in words for n in range(9))
 
 
 def test_the_names_of_models_are_in_the_header() -> None:
