@@ -8,6 +8,7 @@ that has the pie, not the nearest one.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 from gavel_env.exchange import EnvAction, Observed
 from gavel_env.world_model.actions import Action, Primitive
@@ -16,7 +17,19 @@ from gavel_env.world_model.goals import Designator
 from gavel_env.world_model.graph import Relation, SceneGraph
 from gavel_env.world_model.ontology import category_of
 
-__all__ = ["Binder"]
+__all__ = ["Binder", "Surprise"]
+
+
+class Surprise(NamedTuple):
+    """Something is not in the piece where it was said to be.
+
+    Attributes:
+        holder: the node of that piece.
+        elsewhere: whether it was seen elsewhere, and no other piece was seen that may be the one that was meant.
+    """
+
+    holder: str
+    elsewhere: bool
 
 
 class Binder:
@@ -31,8 +44,8 @@ class Binder:
         self.bound: dict[str, str] = {}
         self.rejected: set[str] = set()
 
-    def missing(self, action: Action, believed: SceneGraph, observed: Observed) -> str | None:
-        """Return the bound piece in which what is gone to or grasped was expected and is not, or None.
+    def surprise(self, action: Action, believed: SceneGraph, observed: Observed) -> Surprise | None:
+        """Return what is wrong where something is gone to or grasped that was said to be in a piece and is not.
 
         A piece that is still shut is not looked into yet; one that is named by its id is the only one that was meant.
         """
@@ -48,10 +61,14 @@ class Binder:
         if observed.graph.is_shut(piece) or observed.graph.closed_container(piece) is not None:
             return None
         found = self._choose(node, believed, observed, near_first=True)
+        if found is None:
+            return Surprise(holder, False)
         going = action.primitive is Primitive.NAVIGATE_TO
-        if found is not None and (going or found in observed.graph.near or observed.graph.contains(piece, found)):
+        if observed.graph.contains(piece, found) or (not going and found in observed.graph.near):
             return None
-        return holder
+        if any(other != piece for other in self.candidates(holder, believed, observed)):
+            return Surprise(holder, False)
+        return Surprise(holder, True)
 
     def reject(self, node: str) -> str:
         """Unbind a node whose instance was not the one that was meant; return that instance."""

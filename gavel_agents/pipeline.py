@@ -91,6 +91,7 @@ class PlanningAgent:
         observed: Observed = info["observed"]
         self.trace = AgentTrace()
         self._binder = Binder()
+        self._shut_early: set[str] = set()
         self._running: deque[Action] = deque()
         self._sent: Action | None = None
         self._order: list[int] = []
@@ -168,10 +169,12 @@ class PlanningAgent:
                 break
         self._sent = action
         if self._on_surprise == "next":
-            empty = self._binder.missing(action, self._graph, observed)
-            if empty is not None:
-                return self._try_next(empty, observed)
-        return self._binder.send(action, self._graph, observed, self._belief.priors())
+            surprise = self._binder.surprise(action, self._graph, observed)
+            if surprise is not None and not surprise.elsewhere:
+                return self._try_next(surprise.holder, observed)
+            if surprise is not None:
+                self._sent = self._go_elsewhere(action, surprise.holder, observed)
+        return self._binder.send(self._sent, self._graph, observed, self._belief.priors())
 
     def _begin_task(self, observed: Observed) -> None:
         if self.config.order == "every_task" and self.trace.order:
@@ -182,6 +185,18 @@ class PlanningAgent:
         self._running.extend(self._planned.plans[task])
         if self._unsettled:
             self._adapt()
+
+    def _go_elsewhere(self, action: Action, holder: str, observed: Observed) -> Action:
+        """Return the first step of shutting a piece, and of going to what was seen elsewhere before `action`."""
+        piece = self._binder.bound[holder]
+        going = Action(Primitive.NAVIGATE_TO, action.target)
+        if action != going:
+            self._running.appendleft(action)
+        if piece not in observed.graph.near or not observed.graph.has(Flag.OPEN, piece):
+            return going
+        self._shut_early.add(holder)
+        self._running.appendleft(going)
+        return Action(Primitive.CLOSE, holder)
 
     def _try_next(self, holder: str, observed: Observed) -> EnvAction:
         """Leave a piece that does not hold what was said, and plan to try the next one that fits."""
@@ -230,14 +245,14 @@ class PlanningAgent:
             self.trace.tasks[task].edits += tuple(f"under way: {edit}" for edit in repaired.trace)
 
     def _is_needless(self, action: Action, observed: Observed) -> bool:
-        """Return whether a step works the door of what was found to have none."""
-        instance = self._binder.bound.get(action.target or "")
-        return (
-            action.primitive in (Primitive.OPEN, Primitive.CLOSE)
-            and action.target in self._unsettled
-            and instance is not None
-            and not observed.graph.category(instance).openable
-        )
+        """Return whether a step works the door of what was found to have none, or shuts what is shut already."""
+        node = action.target or ""
+        instance = self._binder.bound.get(node)
+        if instance is None or action.primitive not in (Primitive.OPEN, Primitive.CLOSE):
+            return False
+        if action.primitive is Primitive.CLOSE and node in self._shut_early:
+            return observed.graph.is_shut(instance)
+        return node in self._unsettled and not observed.graph.category(instance).openable
 
     def _take_in(self, action: Action, observed: Observed) -> bool:
         """Advance the believed graph by f(G, a), bind what was reached, and update B <- Upsilon(B, a, z).

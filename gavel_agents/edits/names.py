@@ -2,7 +2,8 @@
 
 `proposing.resolve` reads names that differ from the graph's in form alone: plurals, articles, indices, rooms. Here a
 name is read as people's words are: by the table of concepts, else by the words that it shares with those for a node. It
-is replaced, in the whole plan, only where one node is left that could do what the plan wants of it.
+is replaced, in the whole plan, only where one node is left that could do what the plan wants of it, or where the goal
+leaves open which.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ def read_name(case: Case) -> Iterator[Change]:
     nodes = [n for n in nodes if all(need(case.graph.world.nodes[n]) for need in wanted)]
     for prefers in (_of_the_goal(case), _not_named_yet(case)):
         nodes = [n for n in nodes if n in prefers] or nodes
-    if len(nodes) == 1:
+    if len(nodes) == 1 or _any_will_do(case, nodes):
         plan = tuple(a._replace(target=nodes[0]) if a.target == case.target else a for a in case.plan)
         yield Change(plan, f"read {case.target} as {nodes[0]}")
 
@@ -111,6 +112,12 @@ def _of_the_goal(case: Case) -> frozenset[str]:
     """Return what the goal speaks of."""
     said = (d for literal in case.goal.literals for d in (literal.subject, literal.object) if d is not None)
     return frozenset(node for designator in said for node in fitting(case.graph, designator))
+
+
+def _any_will_do(case: Case, nodes: Sequence[str]) -> bool:
+    """Return whether one designator of the goal fits all of the nodes."""
+    said = (d for literal in case.goal.literals for d in (literal.subject, literal.object) if d is not None)
+    return bool(nodes) and any(set(nodes) <= set(fitting(case.graph, designator)) for designator in said)
 
 
 def _not_named_yet(case: Case) -> frozenset[str]:

@@ -138,7 +138,9 @@ class _Naming:
         """Return the known things that a designator may mean; where pieces stand is not in the record."""
         if str(designator) in self._known:
             return [str(designator)]
-        return [obj for obj in self._known if category_of(obj) == designator.name]
+        ontology = default_ontology()
+        kinds = {kind.name for kind in ontology.kinds(designator.name)} if ontology.knows(designator.name) else ()
+        return [obj for obj in self._known if category_of(obj) in kinds]
 
     def _name_goal(self) -> None:
         """Name what the goal speaks of."""

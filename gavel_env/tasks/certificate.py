@@ -22,6 +22,7 @@ from gavel_env.tasks.driving import drive
 from gavel_env.tasks.judging import judge
 from gavel_env.tasks.wording_checks import article_errors, sentence_faults, unknown_words
 from gavel_env.world_model.actions import Action
+from gavel_env.world_model.concepts import default_concepts
 from gavel_env.world_model.dynamics import rollout, unsafe
 from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate, fitting, parse_literal, unmet
 from gavel_env.world_model.graph import Relation, SceneGraph
@@ -141,7 +142,8 @@ def _failing_orders(
 
 
 def _is_movable(name: str) -> bool:
-    return name.partition("@")[0] in default_vocabulary().movables
+    kinds = default_concepts().categories(name.partition("@")[0])
+    return any(kind in default_vocabulary().movables for kind in kinds)
 
 
 def _designators(literals: Iterable[Literal]) -> list[Designator]:

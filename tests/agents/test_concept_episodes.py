@@ -192,6 +192,26 @@ def test_the_cabinets_are_searched_one_after_the_other(cabinet: str, plan: str, 
     assert len(set(opened)) == len(opened)
 
 
+@pytest.mark.parametrize("plan", [WITH_NAVIGATION, WITHOUT_NAVIGATION], ids=["going to it", "reaching in"])
+def test_another_one_in_sight_is_not_the_one_from_the_cabinet(plan: str) -> None:
+    goal = ("on_top(apple, breakfast_table@kitchen)",)
+    said = Said(goal, ("apple", SOURCE, "breakfast_table@kitchen"), (f"inside(apple, {SOURCE})",))
+    placements = [("apple", "in", "bottom_cabinet_no_top_6"), ("apple", "on", "coffee_table")]
+    ended = run("gavel-full", record("Beechwood_0_int", placements, goal), said, plan)
+    assert ended.success, ended.done
+    assert "GRASP(apple_0) ok" in ended.done
+
+
+@pytest.mark.parametrize("plan", [WITH_NAVIGATION, WITHOUT_NAVIGATION], ids=["going to it", "reaching in"])
+def test_what_is_not_in_the_only_piece_that_fits_is_taken_where_it_is_seen(plan: str) -> None:
+    goal = ("on_top(apple, breakfast_table@kitchen)",)
+    said = Said(goal, ("apple", "fridge", "breakfast_table@kitchen"), ("inside(apple, fridge)",))
+    hidden = record("Beechwood_0_int", [("apple", "on", "countertop")], goal)
+    ended = run("gavel-full", hidden, said, plan.replace(SOURCE, "fridge"))
+    assert ended.success, ended.done
+    assert "OPEN(fridge_0) ok" in ended.done
+
+
 def test_a_source_named_by_its_id_is_the_only_one_meant() -> None:
     goal = ("on_top(apple, breakfast_table@kitchen)",)
     source = "bottom_cabinet_no_top_0"
