@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from envs_data.build.voices.packets import read_written
-from envs_data.build.voices.readings import Claim, Reading, ReadTask, claim, read_readings, satisfied
+from envs_data.build.voices.readings import Claim, Reading, ReadTask, claim, denotation, read_readings, satisfied
 from gavel_env.errors import GavelError
 from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.initial_graph import instruction_graph
@@ -71,7 +71,8 @@ def merge(record: Instruction, text: str, first: Reading, second: Reading) -> In
         goal = tuple(_goal_text(start, one, record.tasks[one.task]) for one in mine)
         plan = tuple(step for owner in owners for step in record.tasks[owner].reference_plan)
         tasks.append(TaskSpec(sentence, goal, plan))
-        targets.append(_target(start, sentence, goal, mine, _stated(start, read, second)))
+        relations = _stated(start, read, second)
+        targets.append(_target(start, sentence, goal, mine, relations, _used(start, read, second)))
     hidden = [obj for obj in _moved(record) if _behind_a_door(start, obj) and not _said(targets, start, obj)]
     if hidden:
         raise Rejected(f"hidden: {hidden[0]} starts behind a door, which the text does not say")
@@ -218,14 +219,19 @@ def _designator(graph: SceneGraph, least: frozenset[str], most: frozenset[str]) 
 
 
 def _target(
-    graph: SceneGraph, sentence: str, goal: Sequence[str], agreed: Sequence[_Agreed], relations: Sequence[str]
+    graph: SceneGraph,
+    sentence: str,
+    goal: Sequence[str],
+    agreed: Sequence[_Agreed],
+    relations: Sequence[str],
+    machines: Sequence[str],
 ) -> dict[str, Any]:
     """Return what an understanding must come to: as literals, and as the sets of instances that they may denote."""
     arguments = [part.strip() for text in (*goal, *relations) for part in text.partition("(")[2].rstrip(")").split(",")]
     rooms = {room.type for room in graph.world.rooms.values()}
     return {
         "text": sentence,
-        "objects": list(dict.fromkeys(name for name in arguments if name not in rooms)),
+        "objects": list(dict.fromkeys(name for name in (*arguments, *machines) if name not in rooms)),
         "relations": list(relations),
         "goal": list(goal),
         "denotes": [
@@ -269,6 +275,17 @@ def _stated(graph: SceneGraph, first: Sequence[ReadTask], second: Reading) -> li
             place = _designator(graph, mine.objects & same.objects, both.objects)
         relations.append(f"{predicate.value}({subject}, {place})")
     return relations
+
+
+def _used(graph: SceneGraph, first: Sequence[ReadTask], second: Reading) -> list[str]:
+    """Return the machines that both readers take the text to name."""
+    theirs = [denotation(graph, text.split("|")) for task in second.tasks for text in task.uses]
+    found: list[str] = []
+    for mine in (denotation(graph, text.split("|")) for task in first for text in task.uses):
+        same = next((other for other in theirs if mine & other), None)
+        if same is not None:
+            found.append(_designator(graph, mine & same, mine | same))
+    return found
 
 
 def _holds_now(graph: SceneGraph, found: Claim, predicate: Predicate) -> bool:
