@@ -151,7 +151,7 @@ class Episode:
             return None
         designators = [Designator.parse(text) for text in when.seen]
         for wanted in designators:
-            if wanted.name not in self._ontology:
+            if not self._ontology.knows(wanted.name):
                 raise UnknownObject(wanted.name, tuple(self._ontology), "return_when.seen (categories)")
         tests = [self._acceptance(wanted, (), frozenset()) for wanted in designators]
         return EarlyReturn(lambda obj: any(fits(obj) for fits in tests), when.room_done)

@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gavel_env.house.kernels.routes import Bools, Ints, compiled, distance_field
+from gavel_env.house.kernels.compiling import compiled
+from gavel_env.house.kernels.routes import Bools, Ints, distance_field
 from gavel_env.house.kernels.sight import line_clear
 
 __all__ = ["sight_lines", "travel", "ways"]
