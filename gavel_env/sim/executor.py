@@ -232,7 +232,9 @@ class Executor:
             self._change(bound)
         elif moved:
             self._leave_near()
+        fresh: tuple[str, ...] = ()
         if len(self._observed) > before[0]:
+            fresh = tuple(itertools.islice(self._observed, before[0], None))
             self._graph = observed_part(self._hidden, self._observed)
         elif reached:
             self._graph = apply(self._graph, bound)
@@ -241,7 +243,7 @@ class Executor:
             violation,
             self._robot.metres - before[2],
             self._robot.take_trail(),
-            tuple(self._observed)[before[0] :],
+            fresh,
             tuple(self._searched[before[1] :]),
             self._early.returned,
         )
