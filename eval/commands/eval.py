@@ -67,6 +67,7 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
 
 def _eval(arguments: argparse.Namespace) -> int:
     from eval.records.journal import read_records
+    from eval.records.prices import read_prices
     from eval.report.formats import render
     from eval.report.tables import results
     from eval.run.contestants import choose, compared_by_default, default_agents, default_planners
@@ -101,7 +102,7 @@ def _eval(arguments: argparse.Namespace) -> int:
         plugins=arguments.plugin,
     )
     path, status = run_shown(arguments, plan)
-    found = results(read_records([path]), arguments.compare)
+    found = results(read_records([path]), arguments.compare, read_prices(arguments.prices))
     sys.stdout.write(render(found, arguments.format, failures=arguments.failures, costs=arguments.costs))
     if not arguments.quiet:
         print(f"gavel eval: records in {path}", file=sys.stderr)

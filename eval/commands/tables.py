@@ -24,19 +24,28 @@ def register(subparsers: Any) -> None:
     parser.add_argument(
         "--compare", metavar="A,B", help="agents whose metres are matched (default: those that solved at least half)"
     )
+    parser.add_argument(
+        "--diff", action="store_true", help="of two runs: what changed per instruction, with paired tests (needs scipy)"
+    )
+    parser.add_argument("--all", action="store_true", help="with --diff: every episode that changed")
+    parser.add_argument("--prices", metavar="FILE.json", help="prices of models, for the cost column of --costs")
     parser.add_argument("--output", metavar="FILE", help="write to a file instead of the terminal")
     parser.set_defaults(run=_tables)
 
 
 def _tables(arguments: argparse.Namespace) -> int:
     from eval.records.journal import read_records
+    from eval.records.prices import read_prices
     from eval.report.formats import render
     from eval.report.tables import results
     from gavel_env.errors import DataError
 
-    compare = arguments.compare.split(",") if arguments.compare else None
-    found = results(read_records(arguments.records), compare)
-    text = render(found, arguments.format, failures=arguments.failures, costs=arguments.costs)
+    if arguments.diff:
+        text = _diff(arguments)
+    else:
+        compare = arguments.compare.split(",") if arguments.compare else None
+        found = results(read_records(arguments.records), compare, read_prices(arguments.prices))
+        text = render(found, arguments.format, failures=arguments.failures, costs=arguments.costs)
     if arguments.output is None:
         sys.stdout.write(text)
         return 0
@@ -45,3 +54,19 @@ def _tables(arguments: argparse.Namespace) -> int:
     except OSError as error:
         raise DataError(f"tables cannot be written to {arguments.output}: {error.strerror}") from error
     return 0
+
+
+def _diff(arguments: argparse.Namespace) -> str:
+    from eval.records.journal import read_records
+    from eval.report.diff import diff_tables
+    from eval.report.formats import render_grids
+    from eval.report.leaderboard import unique_names
+    from gavel_env.errors import BadOption
+
+    if len(arguments.records) != 2:
+        raise BadOption(f"--diff compares two runs, not {len(arguments.records)}")
+    first, second = arguments.records
+    names = unique_names([first, second])
+    most = None if arguments.all or arguments.format == "csv" else 40
+    tables = diff_tables(read_records([first]), read_records([second]), (names[first], names[second]), most)
+    return render_grids(tables, arguments.format)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Mapping, Sequence
+from html import escape
 from typing import Literal
 
 from eval.report.grid import CHOICES, Grid, grids
@@ -12,7 +13,7 @@ from eval.report.planning_cost import in_order
 from eval.report.statistics import Estimate
 from eval.report.tables import Results, Row
 
-__all__ = ["FORMATS", "render", "render_grids", "terminal", "to_csv"]
+__all__ = ["FORMATS", "html_page", "render", "render_grids", "terminal", "to_csv"]
 
 
 def terminal(tables: Sequence[Grid], _: Results, width: int | None = None) -> str:
@@ -195,3 +196,38 @@ def render_grids(tables: Sequence[Grid], form: str = "terminal") -> str:
         writer.writerow([grid.title])
         writer.writerows([grid.header, *grid.rows])
     return stream.getvalue()
+
+
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>{title}</title><style>
+:root {{ color-scheme: light dark }}
+body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 72rem; padding: 0 1rem }}
+.wide {{ overflow-x: auto }}
+table {{ border-collapse: collapse; font-variant-numeric: tabular-nums }}
+th, td {{ padding: .3rem .8rem; border-bottom: 1px solid #8886; text-align: right; white-space: nowrap }}
+.text {{ text-align: left }}
+p {{ color: GrayText; max-width: 60rem }}
+</style></head><body><h1>{title}</h1>
+{tables}</body></html>
+"""
+
+
+def html_page(title: str, tables: Sequence[Grid]) -> str:
+    """Return tables as one HTML page that needs nothing else."""
+
+    def row(cells: Sequence[str], labels: int, tag: str) -> str:
+        kinds = [' class="text"' if index < labels else "" for index in range(len(cells))]
+        return "".join(f"<{tag}{kind}>{escape(cell)}</{tag}>" for cell, kind in zip(cells, kinds, strict=True))
+
+    parts = []
+    for grid in tables:
+        lines = "\n".join(f"<tr>{row(cells, grid.labels, 'td')}</tr>" for cells in grid.rows)
+        facts = f"<p>{escape(' · '.join(grid.facts))}</p>" if grid.facts else ""
+        notes = "".join(f"<p>{escape(note)}</p>" for note in grid.notes)
+        head = row(grid.header, grid.labels, "th")
+        parts.append(
+            f"<h2>{escape(grid.title)}</h2>{facts}<div class='wide'><table><thead><tr>{head}</tr></thead>"
+            f"<tbody>{lines}</tbody></table></div>{notes}\n"
+        )
+    return _PAGE.format(title=escape(title), tables="".join(parts))

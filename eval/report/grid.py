@@ -238,6 +238,8 @@ def _costs(section: Section) -> Grid:
         _Column("Prompt tokens", lambda row: number(row.costs.prompt_tokens, 0)),
         _Column("New tokens", lambda row: number(row.costs.completion_tokens, 0)),
     ]
+    if any(row.costs.money for row in section.rows):
+        columns.append(_Column("Cost", lambda row: number(row.costs.money, 4)))
     for name in in_order(name for row in section.rows for name in row.costs.seconds):
         columns.append(_Column(_STAGES.get(name, f"{name} (s)"), partial(_stage_mean, name)))
     columns.append(_Column("Planning (s)", lambda row: seconds(row.costs.planning_s)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
+from eval.records.prices import Prices
 from eval.records.schema import EpisodeRecord
 from eval.report.statistics import Estimate, over_episodes
 
@@ -21,6 +22,7 @@ class Costs(NamedTuple):
         calls: of the language model; None without one.
         prompt_tokens, completion_tokens: over all calls of an episode, as the model's backend counts them; None where
             it never counted any (stored and reference plans, servers that do not say).
+        money: what the tokens cost by the list, as if the contestant had been alone; None without a price.
         seconds: by stage, those that any of the episodes reports; one that an episode does not report took it 0 s.
         planning_s: the sum over the stages; None where none were reported.
         episodes: averaged over.
@@ -29,19 +31,24 @@ class Costs(NamedTuple):
     calls: Estimate | None
     prompt_tokens: Estimate | None
     completion_tokens: Estimate | None
+    money: Estimate | None
     seconds: Mapping[str, Estimate]
     planning_s: Estimate | None
     episodes: int
 
 
-def costs(records: Sequence[EpisodeRecord], *, asks_model: bool) -> Costs:
+def costs(records: Sequence[EpisodeRecord], *, asks_model: bool, prices: Prices | None = None) -> Costs:
     """Return what planning cost in the episodes that reported any planning.
 
     Args:
         records: of one contestant, which does not see the hidden state.
         asks_model: whether it was given a language model.
+        prices: of models; default none.
     """
-    traces = [record.trace for record in records if record.trace.seconds]
+    planned = [record for record in records if record.trace.seconds]
+    traces = [record.trace for record in planned]
+    prices = prices or Prices()
+    priced = bool(planned) and all(prices.find(record.model) is not None for record in planned)
     by_stage = {
         name: over_episodes([trace.seconds.get(name, 0.0) for trace in traces])
         for name in in_order(name for trace in traces for name in trace.seconds)
@@ -50,6 +57,9 @@ def costs(records: Sequence[EpisodeRecord], *, asks_model: bool) -> Costs:
         calls=over_episodes([float(trace.attempts) for trace in traces]) if asks_model else None,
         prompt_tokens=_counted([trace.prompt_tokens for trace in traces]),
         completion_tokens=_counted([trace.completion_tokens for trace in traces]),
+        money=over_episodes(
+            [prices.of(r.model, r.trace.prompt_tokens, r.trace.completion_tokens) for r in planned] if priced else []
+        ),
         seconds={name: spent for name, spent in by_stage.items() if spent is not None},
         planning_s=over_episodes([sum(trace.seconds.values()) for trace in traces]),
         episodes=len(traces),

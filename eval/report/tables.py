@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from eval.records.journal import RecordFile
+from eval.records.prices import Prices, read_prices
 from eval.records.schema import Benchmark, Contestant, EpisodeKey, EpisodeRecord
 from eval.report.planning_cost import Costs, costs
 from eval.report.statistics import Estimate, over_seeds, share_over_seeds
@@ -106,12 +107,13 @@ class _Scheduled:
         self.keys.setdefault(contestant.config, {}).update(dict.fromkeys(keys))
 
 
-def results(files: RecordFile, compare: Sequence[str] | None = None) -> Results:
+def results(files: RecordFile, compare: Sequence[str] | None = None, prices: Prices | None = None) -> Results:
     """Return the results of record files.
 
     Args:
         files: as read.
         compare: agents whose metres are matched; default those that solved at least half of what was scheduled.
+        prices: of models, for what planning cost; default those that are shipped.
 
     Raises:
         UnknownAgent: `compare` names an agent that is in none of the files.
@@ -122,7 +124,7 @@ def results(files: RecordFile, compare: Sequence[str] | None = None) -> Results:
         if name not in known:
             raise UnknownAgent(name, known, "these records")
     parts = [part for scheduled in _gather(files) for part in _parts(scheduled)]
-    sections = [_section(scheduled, files.records, compare, part) for scheduled, part in parts]
+    sections = [_section(scheduled, files.records, compare, part, prices or read_prices()) for scheduled, part in parts]
     codes = [header.code for header in files.headers] + [record.code for record in files.records.values()]
     profiles = [str(header.environment.get("profile", "")) for header in files.headers]
     seeds = sorted({seed for section in sections for seed in section.seeds})
@@ -174,7 +176,11 @@ def _parts(scheduled: _Scheduled) -> list[tuple[_Scheduled, str]]:
 
 
 def _section(
-    scheduled: _Scheduled, records: Mapping[EpisodeKey, EpisodeRecord], compare: Sequence[str] | None, part: str
+    scheduled: _Scheduled,
+    records: Mapping[EpisodeKey, EpisodeRecord],
+    compare: Sequence[str] | None,
+    part: str,
+    prices: Prices,
 ) -> Section:
     solved: dict[str, dict[int, dict[str, float]]] = {}
     for config, keys in scheduled.keys.items():
@@ -200,7 +206,7 @@ def _section(
     }
     reference = next((matched[c] for c in compared if scheduled.contestants[c].privileged), None)
     rows = [
-        _row(scheduled.contestants[config], list(keys), records, solved[config], matched.get(config), reference)
+        _row(scheduled.contestants[config], list(keys), records, solved[config], matched.get(config), reference, prices)
         for config, keys in scheduled.keys.items()
     ]
     everything = [key for keys in scheduled.keys.values() for key in keys]
@@ -232,10 +238,11 @@ def _row(
     solved: Mapping[int, Mapping[str, float]],
     matched: Estimate | None,
     reference: Estimate | None,
+    prices: Prices,
 ) -> Row:
     mine = [records[key] for key in keys if key in records]
     trials = Counter(key.seed for key in keys)
-    spent = costs(() if contestant.privileged else mine, asks_model=bool(contestant.planner))
+    spent = costs(() if contestant.privileged else mine, asks_model=bool(contestant.planner), prices=prices)
     failures = Counter(record.failure for record in mine if not record.success)
     if len(mine) < len(keys):
         failures["not run"] = len(keys) - len(mine)

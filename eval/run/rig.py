@@ -164,6 +164,14 @@ class Rig:
                     env.reset(seed=episode.key.seed, options={"instruction": episode.instruction})
                 self._give_back(episode.kind, env)
 
+    def load(self, planner: str) -> ChatModel | None:
+        """Return the model of a spec, which all episodes share; None for an empty one.
+
+        Raises:
+            GavelError: the spec, or what it needs.
+        """
+        return self._planners.load(planner)
+
     def agent(
         self, contestant: Contestant, instruction: Instruction, seed: int, exchanges: list[Exchange] | None = None
     ) -> Agent:
@@ -179,7 +187,7 @@ class Rig:
             GavelError: the contestant's agent, planner, understanding or prior is not known or not usable.
         """
         exchanges = [] if exchanges is None else exchanges
-        planner = self._planners.load(contestant.planner)
+        planner = self.load(contestant.planner)
         model = None if planner is None else EpisodeModel(planner, exchanges)
         return gavel_agents.make(
             contestant.agent,
@@ -242,7 +250,7 @@ class Rig:
             return Finished(sound(episode.record("rejected", error=scrub(episode.rejected))))
         progress = _Progress()
         try:
-            progress.model = self._planners.load(episode.contestant.planner)
+            progress.model = self.load(episode.contestant.planner)
             tell(progress.model, episode.instruction)
             record = self._play(episode, episode.instruction, progress, timeout_s)
         except KeyboardInterrupt:
