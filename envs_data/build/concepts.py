@@ -158,7 +158,7 @@ def _own_names(table: _Table, names: Mapping[str, tuple[str, ...]]) -> None:
 
 
 _PACKED = re.compile(
-    r"(?P<pack>bag|bottle|box|bucket|bunch|can|carton|cup|jar|pack|tube)_of_(?P<goods>.+)"
+    r"(?P<pack>bag|bottle|box|bucket|bunch|can|carton|cup|jar|jug|pack|tube)_of_(?P<goods>.+)"
     r"|(?P<stuff>.+)_(?P<vessel>atomizer|bag|bottle|box|can|carton|dispenser|jar|package|sack|shaker)"
 )
 _VESSELS = {"atomizer": ("spray", "atomizer"), "package": ("package", "pack"), "pack": ("pack", "packet"),

@@ -266,16 +266,27 @@ def _inverted(table: Mapping[str, Concept]) -> Mapping[str, frozenset[str]]:
 _ENDINGS = (("ves", "f"), ("ves", "fe"), ("ies", "y"), ("ses", "s"), ("xes", "x"), ("ches", "ch"), ("shes", "sh"),
             ("oes", "o"), ("s", ""))  # fmt: skip
 _SHORTEST = 3
+_TAIL = re.compile(r" (?:of|under|beneath|below|over|above|on|in|at|for|with)(?: .*)?$")
 
 
 def singulars(phrase: str, plurals: Mapping[str, str] = MappingProxyType({})) -> Iterator[str]:
-    """Yield a phrase as it is, then what may be its singular, likeliest first; the last word changes.
+    """Yield a phrase as it is, then what may be its singular, likeliest first.
+
+    The last word changes, or the last before a preposition: `tins of beans` are one `tin of beans`.
 
     Args:
         phrase: as `normal_phrase` gives it.
         plurals: irregular plural -> singular.
     """
     yield phrase
+    tail = _TAIL.search(phrase)
+    if tail is not None:
+        for form in _singular_forms(phrase[: tail.start()], plurals):
+            yield form + tail.group()
+    yield from _singular_forms(phrase, plurals)
+
+
+def _singular_forms(phrase: str, plurals: Mapping[str, str]) -> Iterator[str]:
     head, gap, last = phrase.rpartition(" ")
     if last in plurals:
         yield head + gap + plurals[last]

@@ -96,6 +96,9 @@ def test_common_names_of_rooms_are_covered():
         ("Hall", None, "any_hall"),
         ("dryer", "clothes_dryer", None),
         ("loo", "toilet", "bathroom"),
+        ("bars of soap", "bar_soap", None),
+        ("Tins of Beans", "can_of_beans", None),
+        ("cupboards under the counter", "bottom_cabinet_no_top", None),
     ],
 )
 def test_words_are_read_in_any_form(said, thing, place):
