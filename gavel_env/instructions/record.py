@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -62,11 +63,21 @@ class TaskSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_def
 
     def parsed_goal(self) -> Goal:
         """Return g_i."""
-        return Goal(parse_goal(self.goal).literals, self.conditions)
+        return _goal(self.goal, self.conditions)
 
     def parsed_plan(self) -> tuple[Action, ...]:
         """Return the reference plan."""
-        return tuple(parse_action(text) for text in self.reference_plan)
+        return _plan(self.reference_plan)
+
+
+@lru_cache(maxsize=4096)
+def _goal(literals: tuple[str, ...], conditions: tuple[Formula, ...]) -> Goal:
+    return Goal(parse_goal(literals).literals, conditions)
+
+
+@lru_cache(maxsize=4096)
+def _plan(steps: tuple[str, ...]) -> tuple[Action, ...]:
+    return tuple(map(parse_action, steps))
 
 
 class Instruction(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):

@@ -24,6 +24,7 @@ from gavel_env.world_model.dynamics import Profile, Violation, unsafe
 from gavel_env.world_model.goals import Designator, Goal, fitting, unmet
 from gavel_env.world_model.graph import Flag, SceneGraph
 from gavel_env.world_model.ontology import Ontology
+from gavel_env.world_model.verdict import shortfall
 
 __all__ = ["Episode", "Judgement", "Privileged"]
 
@@ -209,14 +210,13 @@ class Episode:
     def judge(self, *, violations_count: bool = True) -> Judgement:
         """Return the judgement of the hidden graph as it stands; `violations_count`: a refused action is a failure."""
         hidden = self.executor.hidden
-        missing = tuple(str(condition) for condition in unmet(self.goal, hidden))
-        left = unsafe(self.start, hidden, self.goal)
+        lacking = shortfall(self.start, hidden, self.goal)
         violation = self.violation if violations_count else None
         return Judgement(
-            success=violation is None and not missing and not left,
+            success=violation is None and not lacking,
             violation=violation,
-            unmet=missing,
-            unsafe=tuple(f"{'open' if flag is Flag.OPEN else 'toggled'}({obj})" for flag, obj in left),
+            unmet=tuple(map(str, lacking.unmet)),
+            unsafe=tuple(f"{'open' if flag is Flag.OPEN else 'toggled'}({obj})" for flag, obj in lacking.unsafe),
             metres=self.executor.pose.metres,
         )
 

@@ -23,9 +23,10 @@ from gavel_env.tasks.judging import judge
 from gavel_env.tasks.wording_checks import article_errors, sentence_faults, unknown_words
 from gavel_env.world_model.actions import Action
 from gavel_env.world_model.concepts import default_concepts
-from gavel_env.world_model.dynamics import rollout, unsafe
+from gavel_env.world_model.dynamics import rollout
 from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate, fitting, parse_literal, unmet
 from gavel_env.world_model.graph import Relation, SceneGraph
+from gavel_env.world_model.verdict import shortfall
 
 __all__ = ["CHECKS", "Problem", "certify", "certify_set", "check_broken"]
 
@@ -125,9 +126,8 @@ def _failing_orders(
 ) -> Iterator[tuple[tuple[int, ...], str]]:
     """Yield the orders that fail, each common beginning replayed once."""
     if not left:
-        missing, remains = unmet(goal, graph), unsafe(start, graph, goal)
-        if missing or remains:
-            yield done, f"unmet {missing[0]}" if missing else f"{remains[0][0].name.lower()} {remains[0][1]}"
+        if lacking := shortfall(start, graph, goal):
+            yield done, lacking.reasons()[0]
         return
     for index in left:
         after, violation = rollout(graph, plans[index])

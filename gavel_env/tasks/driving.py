@@ -11,9 +11,8 @@ from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.record import Instruction
 from gavel_env.sim.executor import Executor, Outcome
 from gavel_env.world_model.actions import Primitive
-from gavel_env.world_model.dynamics import unsafe
-from gavel_env.world_model.goals import unmet
 from gavel_env.world_model.graph import SceneGraph
+from gavel_env.world_model.verdict import shortfall
 
 __all__ = ["Drive", "drive"]
 
@@ -77,6 +76,4 @@ def drive(graph: SceneGraph, instruction: Instruction, seed: int = 0) -> Drive:
         if outcome.violation is not None:
             return Drive(executor, tuple(outcomes), (f"step {step} {action}: {outcome.violation}",), starts)
     goal, end = instruction.goal(), executor.hidden
-    faults = [f"unmet {literal}" for literal in unmet(goal, end)]
-    faults += [f"left {flag.name.lower()}: {obj}" for flag, obj in unsafe(start, end, goal)]
-    return Drive(executor, tuple(outcomes), tuple(faults), starts)
+    return Drive(executor, tuple(outcomes), tuple(shortfall(start, end, goal).reasons()), starts)

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from gavel_env.world_model.actions import Action
-from gavel_env.world_model.dynamics import Profile, rollout, unsafe
-from gavel_env.world_model.goals import Goal, unmet
+from gavel_env.world_model.dynamics import Profile, rollout
+from gavel_env.world_model.goals import Goal
 from gavel_env.world_model.graph import Flag, SceneGraph
+from gavel_env.world_model.verdict import shortfall
 
 __all__ = ["Ending", "judge"]
 
@@ -34,11 +35,10 @@ def judge(graph: SceneGraph, plan: Sequence[Action], goal: Goal, profile: Profil
     end, violation = rollout(graph, plan, profile)
     if violation is not None:
         return Ending(violation.kind.value, violation.step, violation.subject, end)
-    missing = unmet(goal, end)
-    if missing:
-        return Ending("goal_unmet", None, str(missing[0]), end)
-    left = unsafe(graph, end, goal)
-    if left:
-        flag, obj = left[0]
+    lacking = shortfall(graph, end, goal)
+    if lacking.unmet:
+        return Ending("goal_unmet", None, str(lacking.unmet[0]), end)
+    if lacking.unsafe:
+        flag, obj = lacking.unsafe[0]
         return Ending("left_open" if flag is Flag.OPEN else "left_on", None, obj, end)
     return Ending("valid", None, "", end)

@@ -17,7 +17,7 @@ from gavel_env.world_model.dynamics import Profile, Violation, ViolationKind, ap
 from gavel_env.world_model.goals import Condition, Goal, Literal, unmet
 from gavel_env.world_model.graph import Flag, SceneGraph
 
-__all__ = ["CostFunction", "Plan", "Rank", "Verdict", "navigations", "validate"]
+__all__ = ["CostFunction", "Plan", "Rank", "Shortfall", "Verdict", "navigations", "shortfall", "validate"]
 
 Plan = tuple[Action, ...]
 
@@ -32,6 +32,32 @@ class Rank(NamedTuple):
     met: bool
     safe: bool
     negative_cost: float
+
+
+class Shortfall(NamedTuple):
+    """What is wrong with a graph that a plan has ended in; empty if nothing is.
+
+    Attributes:
+        unmet: conditions of the goal that do not hold.
+        unsafe: what was left open or on, as (flag, object).
+    """
+
+    unmet: tuple[Literal | Condition, ...]
+    unsafe: tuple[tuple[Flag, str], ...]
+
+    def __bool__(self) -> bool:
+        return bool(self.unmet or self.unsafe)
+
+    def reasons(self) -> list[str]:
+        """Return each reason in a few words, unmet conditions first."""
+        left = {Flag.OPEN: "left open", Flag.TOGGLED: "left on"}
+        missing = [f"unmet {condition}" for condition in self.unmet]
+        return missing + [f"{left[flag]}: {obj}" for flag, obj in self.unsafe]
+
+
+def shortfall(start: SceneGraph, end: SceneGraph, goal: Goal) -> Shortfall:
+    """Return unmet(g, G_H), and what violates safe: open or on at the end though it was not at the start."""
+    return Shortfall(unmet(goal, end), unsafe(start, end, goal))
 
 
 class Verdict(msgspec.Struct, frozen=True):
@@ -132,8 +158,7 @@ def validate(
     return Verdict(
         plan=plan,
         violation=violation,
-        unmet=unmet(goal, state),
-        unsafe=unsafe(graph, state, goal),
+        **shortfall(graph, state, goal)._asdict(),
         cost=(cost or navigations)(graph, plan),
         trace=tuple(trace),
     )
