@@ -42,6 +42,12 @@ def build(folder: Path) -> str:
             letters[lemma].add(letter)
             if part == "noun" and files[fields[-senses]] in _THINGS:
                 letters[lemma].add("t")
+    for part, letter in _LETTERS.items():
+        for line in (folder / f"{part}.exc").read_text("latin1").splitlines():
+            form, *stems = line.split()
+            if _WORD.fullmatch(form) and any(tagged[stem] for stem in stems):
+                letters[form].add(letter)
+                tagged[form] += 1
     kept = sorted(lemma for lemma, said in letters.items() if tagged[lemma] or "t" in said)
     return "".join(f"{lemma} {''.join(sorted(letters[lemma]))}\n" for lemma in kept)
 

@@ -1,4 +1,4 @@
-"""`gavel eval understanding`: exact match and F1 of what an understanding makes of instructions."""
+"""`gavel eval understanding`: how much of instructions an understanding gets right, refuses and gets wrong."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING, Any
 from eval.commands._families import family
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
-    from eval.studies.understanding import Report
+    from rich.console import Console
+
+    from eval.studies.understanding import Outcome, Report
     from gavel_agents.understanding import Decomposition
+    from gavel_agents.understanding.pairs import Sample
 
 __all__ = ["register"]
 
 _FILES = ("validation", "single", "multi")
+_SPLITS = ("dev", "test")
 
 
 def register(subparsers: Any) -> None:
@@ -39,8 +43,17 @@ def register(subparsers: Any) -> None:
         metavar="FILE|NAME",
         help=f"instruction file or file of pairs, shipped or a path; repeatable (default: {', '.join(_FILES)})",
     )
+    command.add_argument(
+        "--answers", choices=("reference",), help="reference: the author of a record answers what is asked about it"
+    )
     command.add_argument("--limit", type=int, metavar="N", help="only the first N of each file")
-    command.add_argument("--mistakes", type=int, default=0, metavar="N", help="show the first N that are not exact")
+    command.add_argument(
+        "--mistakes",
+        type=int,
+        default=0,
+        metavar="N",
+        help="show the first N that are not exact; those of a test half are only counted",
+    )
     command.add_argument("--json", action="store_true", help="print the scores as JSON")
     command.set_defaults(run=_run)
 
@@ -63,7 +76,8 @@ def _run(arguments: argparse.Namespace) -> int:
             instructions = read_instructions(name if name.endswith(".jsonl") else shipped(name)).values()
         understanding = load_understanding(arguments.understanding, instructions, model)
         samples = read_samples(name)[: arguments.limit]
-        reports[name] = evaluate(understanding, samples, partial(_shown, name, len(samples)))
+        shown = partial(_shown, name, len(samples))
+        reports[name] = evaluate(understanding, samples, shown, answered=arguments.answers is not None)
     if arguments.json:
         print(json.dumps({name: _plain(report) for name, report in reports.items()}, indent=1))
     else:
@@ -81,8 +95,28 @@ def _shown(name: str, total: int, answers: Iterable[Decomposition]) -> Iterator[
 
 
 def _plain(report: Report) -> dict[str, Any]:
-    parts = {name: part._asdict() | {"f1": part.f1} for name, part in report.parts.items()}
-    return {"instructions": report.instructions, "exact": report.exact, "parts": parts, "refused": report.refused}
+    return {
+        **_counts(report.outcomes),
+        "exact": report.exact,
+        "parts": {name: part._asdict() | {"f1": part.f1} for name, part in report.parts.items()},
+        "refused_for": report.refused,
+        "splits": {split: _counts(part) for split, part in report.of(lambda sample: sample.split).items() if split},
+        "voices": {voice: _counts(part) for voice, part in report.of(_voice).items() if voice},
+    }
+
+
+def _voice(sample: Sample) -> str:
+    return f"{sample.split} {sample.voice}" if sample.voice else ""
+
+
+def _counts(outcomes: Sequence[Outcome]) -> dict[str, int]:
+    return {
+        "instructions": len(outcomes),
+        "goals": sum(outcome.goals for outcome in outcomes),
+        "refused": sum(bool(outcome.got.refused) for outcome in outcomes),
+        "silently_wrong": sum(outcome.wrong for outcome in outcomes),
+        "asked": sum(outcome.asked for outcome in outcomes),
+    }
 
 
 def _print(name: str, reports: dict[str, Report], mistakes: int) -> None:
@@ -92,26 +126,49 @@ def _print(name: str, reports: dict[str, Report], mistakes: int) -> None:
     console = Console()
     for file, report in reports.items():
         table = Table(title=f"Understanding {name!r} on {file} ({report.instructions} instructions)")
-        table.add_column("part")
-        table.add_column("exact", justify="right")
-        table.add_column("exact %", justify="right")
-        table.add_column("F1", justify="right")
-        for part, score in report.parts.items():
-            f1 = "—" if score.f1 is None else f"{score.f1:.4f}"
-            table.add_row(part, str(score.exact), _percent(score.exact, report.instructions), f1)
-        table.add_row(
-            "objects, relations and goals", str(report.exact), _percent(report.exact, report.instructions), ""
-        )
+        for column in ("", "goals exact", "%", "refused", "silently wrong", "questions answered"):
+            table.add_column(column, justify="left" if not column else "right")
+        table.add_row("all", *_row(report.outcomes))
+        for split, part in report.of(lambda sample: sample.split).items():
+            if split in _SPLITS:
+                table.add_row(split, *_row(part))
+        for voice, part in report.of(_voice).items():
+            if voice:
+                table.add_row(f"  {voice}", *_row(part))
         console.print(table)
+        _print_parts(console, report)
         if report.refused:
             console.print("refused: " + ", ".join(f"{why} {n}" for why, n in sorted(report.refused.items())))
-        for sample, got in report.mistakes[:mistakes]:
-            console.print(f"[bold]{sample.id}[/bold] {sample.text}", highlight=False)
-            console.print("  meant: " + " | ".join(str((*t.relations, "->", *t.goal)) for t in sample.tasks))
-            console.print(
-                "  read:  "
-                + (got.refused or " | ".join(str((*map(str, t.relations), "->", *t.goal.text())) for t in got.tasks))
-            )
+        for outcome in [o for o in report.mistakes if o.sample.split != "test"][:mistakes]:
+            _print_mistake(console, outcome)
+
+
+def _row(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
+    counts = _counts(outcomes)
+    share = _percent(counts["goals"], counts["instructions"])
+    return (str(counts["goals"]), share, *(str(counts[key]) for key in ("refused", "silently_wrong", "asked")))
+
+
+def _print_parts(console: Console, report: Report) -> None:
+    """Print the strict figures, by text form."""
+    from rich.table import Table
+
+    table = Table(title="by their text form")
+    for column in ("part", "exact", "exact %", "F1"):
+        table.add_column(column, justify="left" if column == "part" else "right")
+    for part, score in report.parts.items():
+        f1 = "—" if score.f1 is None else f"{score.f1:.4f}"
+        table.add_row(part, str(score.exact), _percent(score.exact, report.instructions), f1)
+    table.add_row("objects, relations and goals", str(report.exact), _percent(report.exact, report.instructions), "")
+    console.print(table)
+
+
+def _print_mistake(console: Console, outcome: Outcome) -> None:
+    sample, got = outcome.sample, outcome.got
+    console.print(f"[bold]{sample.id}[/bold] {sample.text}", highlight=False)
+    console.print("  meant: " + " | ".join(str((*t.relations, "->", *t.goal)) for t in sample.tasks))
+    read = " | ".join(str((*map(str, t.relations), "->", *t.goal.text())) for t in got.tasks)
+    console.print(f"  read:  {got.refused or read}")
 
 
 def _percent(part: int, whole: int) -> str:

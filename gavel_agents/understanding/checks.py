@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from gavel_agents.understanding.interface import Abstention
+from gavel_env.world_model.concepts import default_concepts
 from gavel_env.world_model.goals import Designator, Literal, Predicate
-from gavel_env.world_model.ontology import Category, default_ontology
+from gavel_env.world_model.ontology import Category, category_of, default_ontology
 
 __all__ = ["can_be", "check_capable", "check_possible"]
 
@@ -55,12 +56,16 @@ def check_capable(literals: Iterable[Literal]) -> None:
     Raises:
         Abstention: `cannot_hold`, `cannot_switch`, `cannot_open`, `cannot_process`, `cannot_move`.
     """
-    ontology = default_ontology()
     for literal in literals:
         if literal.predicate in _NEEDS:
             reason, able = _NEEDS[literal.predicate]
             thing = literal.object or literal.subject
-            if not able(ontology[thing.name]):
+            if not any(map(able, _kinds(thing))):
                 raise Abstention(reason, f"{thing} in {literal}")
-        if literal.object is not None and not ontology[literal.subject.name].liftable:
+        if literal.object is not None and not any(kind.liftable for kind in _kinds(literal.subject)):
             raise Abstention("cannot_move", f"{literal.subject} in {literal}")
+
+
+def _kinds(designator: Designator) -> list[Category]:
+    ontology = default_ontology()
+    return [ontology[category] for category in default_concepts().categories(category_of(designator.name))]

@@ -1,7 +1,7 @@
 """What a text can be speaking of: the categories and rooms that any of its phrases may mean.
 
 A model's understanding is held to this: what it names must be in the text. Phrases are the nouns of the vocabulary and
-of the rules, with their plurals; unlike in the rules, a phrase may have several meanings and phrases may overlap.
+of the concepts, with their plurals; unlike in the rules, a phrase may have several meanings and phrases may overlap.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from functools import cache
 from typing import NamedTuple
 
 from gavel_agents.understanding.interface import Abstention
-from gavel_agents.understanding.rules.lexer import in_a_room, plurals, words_of
-from gavel_agents.understanding.rules.nouns import ROOM_SYNONYMS, SYNONYMS, VAGUE
+from gavel_agents.understanding.rules.nouns import in_a_room, leads_with_room, plurals, words_of
 from gavel_env.errors import nearest_names
 from gavel_env.instructions.vocabulary import default_vocabulary
+from gavel_env.world_model.concepts import default_concepts
 from gavel_env.world_model.goals import Designator
 from gavel_env.world_model.ontology import default_ontology
 
@@ -47,14 +47,15 @@ def _meanings() -> Mapping[tuple[str, ...], _Meaning]:
     for category in default_ontology():
         nouns = (*vocabulary.nouns(category), category.replace("_", " "))
         add((noun.lower() for noun in nouns), _Meaning(categories=frozenset({category})))
-    for noun, category in SYNONYMS.items():
-        add((noun,), _Meaning(categories=frozenset({category})))
-    for noun, categories in VAGUE.items():
-        add((noun,), _Meaning(categories=frozenset(categories)))
+    concepts = default_concepts()
+    for noun, name in concepts.thing_words.items():
+        if words_of(noun) not in table and not leads_with_room(noun, name):
+            add((noun,), _Meaning(categories=frozenset(concepts.categories(name))))
     for room, nouns in vocabulary.rooms.items():
         add((*nouns, room.replace("_", " ")), _Meaning(rooms=frozenset({room})))
-    for noun, room in ROOM_SYNONYMS.items():
-        add((noun,), _Meaning(rooms=frozenset({room})))
+    for noun, name in concepts.place_words.items():
+        if not table.get(words_of(noun), _Meaning()).rooms:
+            add((noun,), _Meaning(rooms=frozenset(concepts.room_types(name))))
     return table
 
 

@@ -8,7 +8,7 @@ import msgspec
 
 from gavel_env.data import is_path, read_lines, shipped_data
 from gavel_env.errors import DataError
-from gavel_env.instructions.record import shipped
+from gavel_env.instructions.record import Instruction, read_instructions, shipped
 
 __all__ = ["Sample", "Target", "read_samples"]
 
@@ -23,15 +23,26 @@ class Target(msgspec.Struct, frozen=True):
 
 
 class Sample(msgspec.Struct, frozen=True):
-    """A sentence and its tasks."""
+    """A sentence and its tasks.
+
+    Attributes:
+        id, text, tasks: of the sentence.
+        instruction: the record that it comes from, or None for a pair, which is about no house.
+        voice, split: who speaks, and whether it may be looked at (`dev`) or only scored (`test`), where a file says so.
+    """
 
     id: str
     text: str
     tasks: tuple[Target, ...]
+    instruction: Instruction | None = None
+    voice: str = ""
+    split: str = ""
 
 
 class _Meta(msgspec.Struct, frozen=True):
     targets: tuple[Target, ...] = ()
+    voice: str = ""
+    split: str = ""
 
 
 class _Line(msgspec.Struct, frozen=True):
@@ -41,6 +52,7 @@ class _Line(msgspec.Struct, frozen=True):
     text: str
     tasks: msgspec.Raw
     meta: _Meta = _Meta()
+    scene: str = ""
 
 
 def read_samples(source: str) -> list[Sample]:
@@ -52,12 +64,14 @@ def read_samples(source: str) -> list[Sample]:
     """
     path = _path(source)
     samples = []
-    for line in read_lines(path, _Line, "targets of understanding"):
+    lines = list(read_lines(path, _Line, "targets of understanding"))
+    records = read_instructions(path) if any(line.scene for line in lines) else {}
+    for line in lines:
         try:
             tasks = line.meta.targets or msgspec.json.decode(line.tasks, type=tuple[Target, ...])
         except msgspec.DecodeError as error:
             raise DataError(f"{path}: no targets of understanding in {line.id!r}: {error}") from error
-        samples.append(Sample(line.id, line.text, tasks))
+        samples.append(Sample(line.id, line.text, tasks, records.get(line.id), line.meta.voice, line.meta.split))
     return samples
 
 

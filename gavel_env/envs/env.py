@@ -59,10 +59,6 @@ class GavelEnv(gym.Env[Observation, Any]):
     weights by room id, and ids that are not meant. `encode` turns one into the dict form, `decode` turns it back;
     concepts have no number in it.
 
-    An `EnvAction` may also say when a search comes back before it has found anything (`return_when`): where something
-    else that is wanted comes into sight, or after every room. Such a step is "ok", costs what it has driven, reaches
-    nothing, and once the robot has moved it is near nothing but what it holds.
-
     ## Observation Space
 
     `Dict`; `observation="symbolic"` leaves out `graph` and is faster.
@@ -131,7 +127,7 @@ class GavelEnv(gym.Env[Observation, Any]):
 
     ## Version History
 
-    - v0: first version. Added since, without effect on what was there: `EnvAction.return_when`, `Observed.seen`.
+    - v0: first version.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012  # as the base class declares it

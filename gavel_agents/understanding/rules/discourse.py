@@ -5,8 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from gavel_agents.understanding.interface import Abstention
-from gavel_agents.understanding.rules.elements import Element, Entity, Frame, Phrase, Pronoun, Room, There
-from gavel_agents.understanding.rules.places import Relation, destination, stated_location
+from gavel_agents.understanding.rules.elements import (
+    Element,
+    Entity,
+    Frame,
+    Phrase,
+    Pronoun,
+    Room,
+    Separator,
+    There,
+    Unknown,
+)
+from gavel_agents.understanding.rules.places import (
+    Relation,
+    can_become,
+    destination,
+    process_flag,
+    says_where,
+    stated_location,
+)
+from gavel_agents.understanding.rules.words import Kind
 from gavel_env.world_model.goals import Designator, Literal
 
 __all__ = ["Act", "Discourse", "designator_of", "said"]
@@ -21,6 +39,7 @@ class Act:
         things: what it acts on, in order.
         mentions: every noun phrase in it.
         goals, relations: literals.
+        passed: it asks for nothing: a remark, or what shall not be done.
     """
 
     frame: Frame
@@ -28,6 +47,7 @@ class Act:
     mentions: list[Entity] = field(default_factory=list)
     goals: list[Literal] = field(default_factory=list)
     relations: list[Literal] = field(default_factory=list)
+    passed: bool = False
 
 
 @dataclass
@@ -37,6 +57,8 @@ class Discourse:
     Attributes:
         focus: the things spoken of last: `it`, `them`.
         places: furniture spoken of, oldest first.
+        there: the piece that was spoken of before the clause.
+        room: that was spoken of last.
         where: where things were said to be.
         wished: where things shall be.
         loaded: furniture -> what shall be in or on it.
@@ -48,10 +70,19 @@ class Discourse:
         offered: a destination that was said before what goes there.
         visited: where the robot was sent to take something.
         brought: things that were brought `to` an appliance.
+        first: where things were said to be at first: where they are put back to.
+        heading: the verb of a heading: what is done with what follows.
+        known: movables by name, in the order said.
+        used: pieces that serve to do what is asked.
+        swapped: two things shall trade places.
+        returned: names of what shall be put back.
+        fetched: what shall be taken up, and nothing said yet of where it goes.
     """
 
     focus: list[Entity] = field(default_factory=list)
     places: list[Entity] = field(default_factory=list)
+    there: Entity | None = None
+    room: str | None = None
     where: dict[Entity, Relation] = field(default_factory=dict)
     wished: dict[Entity, Relation] = field(default_factory=dict)
     loaded: dict[Entity, list[Entity]] = field(default_factory=dict)
@@ -63,19 +94,56 @@ class Discourse:
     offered: Phrase | None = None
     visited: Phrase | None = None
     brought: set[Entity] = field(default_factory=set)
+    first: dict[Entity, Relation] = field(default_factory=dict)
+    heading: str = ""
+    known: list[Entity] = field(default_factory=list)
+    used: set[Entity] = field(default_factory=set)
+    swapped: bool = False
+    returned: set[str] = field(default_factory=set)
+    fetched: set[Entity] = field(default_factory=set)
 
     def name(self, act: Act) -> None:
-        """Note the noun phrases of a frame."""
-        for element in act.frame.elements:
+        """Note the noun phrases of a frame; `the bottle` is the wine bottle that was spoken of."""
+        elements = act.frame.elements
+        self.there = self.places[-1] if self.places else None
+        for element in elements:
+            target = element.target if isinstance(element, Phrase) else element
+            if isinstance(target, Room):
+                self.room = target.type
+            elif isinstance(target, Entity) and target.room is not None:
+                self.room = target.room
+        for index, element in enumerate(elements):
             entity = element.target if isinstance(element, Phrase) else element
-            if isinstance(entity, Entity):
-                act.mentions.append(entity)
-                if not entity.movable:
-                    self.places.append(entity)
+            if not isinstance(entity, Entity):
+                continue
+            meant = self.same_thing(entity) if entity.movable else self.same_place(entity)
+            elements[index] = element._replace(target=meant) if isinstance(element, Phrase) else meant
+            act.mentions.append(meant)
+            (self.known if meant.movable else self.places).append(meant)
+        self._drop_groups(act)
+
+    def same_thing(self, entity: Entity) -> Entity:
+        """Return the thing that was spoken of before and that a vaguer word now names."""
+        if len(entity.kinds) == 1:
+            return entity
+        fitting = [e for e in dict.fromkeys(reversed(self.known)) if e != entity and set(e.kinds) <= set(entity.kinds)]
+        return fitting[0] if len(fitting) == 1 else entity
+
+    def _drop_groups(self, act: Act) -> None:
+        """Take out a group whose members are named: `both bottles, the wine bottle and the water bottle`."""
+        things = movables(act.frame.elements)
+        for group in things:
+            members = [e for e in things if e != group and set(e.kinds) < set(group.kinds)]
+            if len(members) > 1 or (members and _apposed(act.frame.elements, group, members[0])):
+                act.frame.elements[:] = [e for e in act.frame.elements if e != group]
+                act.mentions[:] = [e for e in act.mentions if e != group]
 
     def settle(self, frame: Frame) -> None:
         """Move the focus to the things of a frame that was read."""
         things = movables(frame.elements)
+        if not things and not frame.verb and not self.focus:
+            things = [e.target for e in frame.elements if isinstance(e, Phrase) and isinstance(e.target, Entity)]
+            things = [thing for thing in things if thing.movable]  # when you are done with the jeans
         if things:
             adds = frame.mood == "fact" and self.telling
             self.focus = list(dict.fromkeys([*self.focus, *things])) if adds else things
@@ -86,7 +154,7 @@ class Discourse:
         act.things = movables(act.frame.elements)
         if not act.things:
             whole = any(isinstance(e, Pronoun) and e.whole for e in act.frame.elements)
-            act.things = [self.container] if whole and self.container else list(self.focus)
+            act.things = [self.container] if whole and self.container else list(self.focus or self.known[-1:])
         return act.things
 
     def antecedents(self, pronoun: Pronoun) -> list[Entity]:
@@ -99,9 +167,14 @@ class Discourse:
             return [self.container]
         if pronoun.both and len(self.focus) == 1 and self.container and self._rides(self.focus[0]):
             return [self.container]  # both: the tray with what is on it
-        if not self.focus:
+        pending = [thing for thing in dict.fromkeys(self.known) if thing in self.fetched and thing not in self.wished]
+        if pronoun.both and len(self.focus) == 1 and len(pending) > 1:
+            return pending  # pick up the doll; pick up the car; both go on the bed
+        if not self.focus and not self.known and pronoun.weak:
+            return []
+        if not self.focus and not self.known:
             raise Abstention("no_antecedent", "a pronoun stands for nothing said before")
-        return list(self.focus)
+        return list(self.focus or self.known[-1:])
 
     def _rides(self, thing: Entity) -> bool:
         return thing in self.wished and self.wished[thing].holder == self.container
@@ -110,29 +183,33 @@ class Discourse:
         """Return the piece with the room that an earlier mention gave it."""
         if entity.room is None:
             for earlier in reversed(self.places):
-                if earlier.category == entity.category and earlier.room is not None:
+                alike = earlier.category == entity.category and earlier.room is not None
+                if alike or set(earlier.kinds) < set(entity.kinds):
                     return earlier
         return entity
 
-    def resolve(self, target: Entity | Room | Pronoun | There) -> Entity | Room | None:
+    def resolve(self, target: Entity | Room | Pronoun | There | Unknown) -> Entity | Room | None:
         """Return what the target of a phrase means."""
         if isinstance(target, Entity):
             return self.same_place(target)
         if isinstance(target, Room):
             return target
+        if isinstance(target, Unknown):
+            return None
         if isinstance(target, There):
-            return self.instrument or (self.places[-1] if self.places else None)
+            return self.instrument or self.there
         return self.container or (self.focus[0] if self.focus else None)
 
     def state(self, act: Act, thing: Entity, phrase: Phrase) -> None:
         """Note where a thing is said to be."""
         target = self.resolve(phrase.target)
-        if target is None or phrase.preposition in ("where", "with"):
+        if target is None or phrase.preposition == "where" or not says_where(phrase.preposition):
             return
         relation = stated_location(phrase.preposition, target)
         if isinstance(phrase.target, There) and self.where:
             relation = list(self.where.values())[-1]
         self.where[thing] = relation
+        self.first.setdefault(thing, relation)
         act.relations.append(literal_of(relation, thing))
 
     def wish(self, act: Act, thing: Entity, phrase: Phrase) -> None:
@@ -166,8 +243,18 @@ class Discourse:
     def put(self, act: Act, thing: Entity, relation: Relation) -> None:
         """Note a relation that shall hold; an appliance that a thing was brought to before was only on its way."""
         earlier = self.wished.get(thing)
-        if earlier is not None and earlier != relation and earlier.holder == self.instrument:
-            self.drop(thing)
+        if earlier is not None and isinstance(earlier.holder, Room) and isinstance(relation.holder, Entity):
+            self.drop(thing)  # to the bathroom, and there into the sink
+            if relation.holder.room is None and not relation.holder.movable:
+                relation = relation._replace(holder=relation.holder._replace(room=earlier.holder.type))
+        if earlier is not None and earlier != relation and isinstance(earlier.holder, Entity):
+            does = process_flag(earlier.holder)
+            if earlier.holder == self.instrument:
+                self.drop(thing)
+            elif does is not None and any(can_become(kind, does) for kind in thing.kinds):
+                self.drop(thing)  # into the oven and then on the table
+                self.used.add(earlier.holder)
+                act.goals.append(Literal(does, designator_of(thing)))
         self.wished[thing] = relation
         act.goals.append(literal_of(relation, thing))
 
@@ -176,6 +263,13 @@ class Discourse:
         literal = literal_of(self.wished.pop(thing), thing)
         for act in self.acts:
             act.goals[:] = [goal for goal in act.goals if goal != literal]
+
+
+def _apposed(elements: list[Element], group: Entity, member: Entity) -> bool:
+    """Return whether a thing is named twice: `a towel, the hand towel`."""
+    first, second = elements.index(group), elements.index(member)
+    between = elements[first + 1 : second]
+    return len(between) == 1 and isinstance(between[0], Separator) and between[0].kind is Kind.COMMA
 
 
 def movables(elements: list[Element]) -> list[Entity]:
@@ -197,4 +291,4 @@ def literal_of(relation: Relation, thing: Entity) -> Literal:
 
 def said(target: object) -> str:
     """Return what to call something in a reason."""
-    return target.category.replace("_", " ") if isinstance(target, Entity) else "it"
+    return target.category.removeprefix("any_").replace("_", " ") if isinstance(target, Entity) else "it"

@@ -5,29 +5,53 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from gavel_agents.understanding.rules.nouns import kinds_of
 from gavel_agents.understanding.rules.words import Kind
-from gavel_env.world_model.ontology import default_ontology
+from gavel_env.world_model.ontology import Category
 
-__all__ = ["Cycle", "Element", "Entity", "Frame", "Part", "Phrase", "Pronoun", "Room", "Separator", "There"]
+__all__ = ["Cycle", "Element", "Entity", "Frame", "Part", "Phrase", "Pronoun", "Room", "Separator", "There", "Unknown"]
 
 
 class Entity(NamedTuple):
-    """A noun phrase: a category, and the room that was said with it."""
+    """A noun phrase for a thing.
+
+    Attributes:
+        category: what it designates: a category, or a concept over several.
+        room: type of the room that was said with it.
+    """
 
     category: str
     room: str | None = None
 
     @property
+    def kinds(self) -> tuple[Category, ...]:
+        """The categories that it may be."""
+        return kinds_of(self.category)
+
+    @property
     def movable(self) -> bool:
         """True for what can be carried."""
-        return default_ontology()[self.category].graspable
+        return self.kinds[0].graspable
+
+
+class Unknown(NamedTuple):
+    """A noun phrase that names nothing known."""
+
+    words: str
 
 
 class Pronoun(NamedTuple):
-    """`it` and `them`, `both`, or `the whole thing`."""
+    """`it` and `them`, `both`, or `the whole thing`.
+
+    Attributes:
+        whole: the thing with what is on it.
+        both: several things.
+        weak: a word that often stands for nothing: `one`, `that`.
+    """
 
     whole: bool = False
     both: bool = False
+    weak: bool = False
 
 
 class There(NamedTuple):
@@ -51,7 +75,7 @@ class Phrase(NamedTuple):
     """
 
     preposition: str
-    target: Entity | Room | Pronoun | There
+    target: Entity | Room | Pronoun | There | Unknown
     relative: bool = False
     directional: bool = False
 
@@ -75,7 +99,7 @@ class Separator(NamedTuple):
     start: int = 0
 
 
-Element = Entity | Pronoun | Phrase | Part | Cycle | Separator
+Element = Entity | Pronoun | Phrase | Part | Cycle | Separator | Unknown
 
 
 @dataclass
@@ -91,6 +115,14 @@ class Frame:
         elements: in the order said.
         before: the separators that lead to it.
         end: where it ends in the sentence.
+        aside: it says why or when, and asks for nothing.
+        told: someone tells it of the past.
+        corrects: it replaces what was said just before.
+        heading: a colon follows it: what comes next belongs to it.
+        meantime: it only holds for a while: `park one of them there meanwhile`.
+        start: where it starts in the text.
+        speaker: someone speaks of themselves, and of nothing past.
+        done: how many of its elements stand before its participle: `the plates washed`.
     """
 
     verb: str = ""
@@ -101,6 +133,14 @@ class Frame:
     elements: list[Element] = field(default_factory=list)
     before: list[Kind] = field(default_factory=list)
     end: int = 0
+    aside: bool = False
+    told: bool = False
+    corrects: bool = False
+    heading: bool = False
+    meantime: bool = False
+    start: int = -1
+    done: int = 0
+    speaker: bool = False
 
     def of(self, kind: type) -> list[Element]:
         """Return the elements of one type."""

@@ -27,6 +27,9 @@ def stems(word: str) -> Iterator[str]:
                 yield word[: -len(ending) - 1]
 
 
+_SHORT = 3
+"""Letters of the longest word that is passed over if it is none: `ugh`, `tsk`."""
+
 _ENDINGS = (
     ("s", ""), ("es", ""), ("ies", "y"), ("ed", ""), ("ed", "e"), ("ied", "y"), ("ing", ""), ("ing", "e"), ("ly", ""),
     ("er", ""), ("er", "e"), ("est", ""), ("est", "e"), ("ier", "y"), ("iest", "y"), ("y", ""), ("y", "e"),
@@ -41,7 +44,7 @@ def is_english(word: str) -> bool:
 def could_name(word: str) -> bool:
     """Return whether a word could name a thing of a household: a known artefact or food, or no English word at all."""
     known = [_letters()[stem] for stem in stems(word) if stem in _letters()]
-    return not known or "t" in known[0]
+    return "t" in known[0] if known else len(word) > _SHORT
 
 
 def could_act(word: str) -> bool:

@@ -1,10 +1,15 @@
-"""From tokens to frames: one verb with the things, places and phrases that go with it."""
+"""From tokens to frames: one verb with the things, places and phrases that go with it.
+
+What names nothing and orders nothing is passed over here; a word that could do either and is not known is kept as
+`Unknown`, and the frame that it stands in decides whether it matters.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 
-from gavel_agents.understanding.interface import Abstention
+from gavel_agents.understanding.interface import Abstention, Question
 from gavel_agents.understanding.rules.elements import (
     Cycle,
     Element,
@@ -16,38 +21,81 @@ from gavel_agents.understanding.rules.elements import (
     Room,
     Separator,
     There,
+    Unknown,
 )
+from gavel_agents.understanding.rules.english import could_act, could_name
 from gavel_agents.understanding.rules.lexer import Token
+from gavel_agents.understanding.rules.nouns import known_nouns, room_named, thing_named, words_of
+from gavel_agents.understanding.rules.questions import asked_meaning, asked_which, spoken
 from gavel_agents.understanding.rules.words import Kind
+from gavel_env.instructions.vocabulary import default_vocabulary
 
 __all__ = ["frames_of"]
 
 
-_SEPARATORS = (Kind.AND, Kind.COMMA, Kind.STOP, Kind.THEN, Kind.ALSO)
-_STARTS_NOUN = (Kind.NOUN, Kind.ROOM, Kind.PRONOUN, Kind.DETERMINER, Kind.THERE, Kind.WHERE, Kind.QUANTIFIER)
+_SEPARATORS = (Kind.AND, Kind.COMMA, Kind.STOP, Kind.THEN, Kind.ALSO, Kind.OR)
+_STARTS_NOUN = (
+    Kind.NOUN, Kind.ROOM, Kind.PRONOUN, Kind.DETERMINER, Kind.THERE, Kind.WHERE, Kind.QUANTIFIER, Kind.ADJECTIVE,
+    Kind.COUNT, Kind.UNKNOWN,
+)  # fmt: skip
+_NUMBERS = {"two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "a couple of": 2, "a pair of": 2, "one": 1}
+_MOST = 6
+_IT_IS = frozenset({"it 's", "they 're", "it is", "they are"})
+_SEVERAL = frozenset({"them", "they", "these", "those", "all of them", "em", "the pair", "the lot", "everything"})
+_FLOOR = frozenset({"floor", "ground"})
+_MEANTIME = frozenset({"meanwhile", "in the meantime", "temporarily", "for the time being", "in between"})
 _TAKES_VERB = ("GET", "LET", "USE")
+_ACTS = ("MOVE", "FILL", "HEAT", "WASH", "DRY", "FREEZE", "RUN", "SWITCH", "OPEN", "CLOSE", "SWAP", "USE")
 
 
-def frames_of(tokens: Sequence[Token]) -> list[Frame]:
+def frames_of(tokens: Sequence[Token], house: Counter[str] | None = None, room: str | None = None) -> list[Frame]:
     """Return the frames of one sentence.
+
+    Args:
+        tokens: of the sentence.
+        house: how many rooms of each type the house has, if it is known.
+        room: that was spoken of last, before this sentence.
 
     Raises:
         Abstention: something in it has no reading.
     """
-    reader = _Reader([t for t in tokens if not (t.kind is Kind.ADJECTIVE and not t.value)])
-    return reader.read()
+    return _Reader(list(_without_fillers(tokens)), house, room).read()
+
+
+_HESITATIONS = frozenset(["um", "uh", "er", "erm", "hmm", "like", "well", "oh", "ah"])
+
+
+def _without_fillers(tokens: Sequence[Token]) -> Iterator[Token]:
+    """Yield the tokens that say something, without marks around a hesitation or after `at:`."""
+    for index, token in enumerate(tokens):
+        around = (*tokens[max(index - 1, 0) : index], *tokens[index + 1 : index + 2])
+        if token.kind is Kind.FILLER:
+            continue
+        if token.kind is Kind.COMMA and any(t.text in _HESITATIONS for t in around):
+            continue
+        if token.value == ":" and index and tokens[index - 1].kind is Kind.PREPOSITION:
+            continue
+        yield token
 
 
 class _Reader:
-    def __init__(self, tokens: Sequence[Token]) -> None:
+    def __init__(self, tokens: Sequence[Token], house: Counter[str] | None, room: str | None) -> None:
         self.tokens = tokens
+        self.room_before = room
+        self.house = house
         self.position = 0
         self.frames: list[Frame] = []
         self.frame = Frame()
         self.preposition: Token | None = None
         self.relative = False
         self.infinitive = False
-        self.previous: Kind | None = None
+        self.subject = False
+        self.gap = False
+        self.listed = False
+        self.inserted = False
+        self.many = 0
+        self.pair = False
+        self.previous: Token | None = None
 
     def peek(self, ahead: int = 0) -> Token | None:
         index = self.position + ahead
@@ -61,11 +109,11 @@ class _Reader:
         while (token := self.peek()) is not None:
             self.position += 1
             self.take(token)
-            self.previous = token.kind
+            self.previous = token
             if token.kind not in _SEPARATORS:
                 self.frame.end = max(self.frame.end, self.tokens[self.position - 1].end)
         self.close()
-        return self.frames
+        return corrected(self.frames)
 
     def close(self) -> None:
         """End the frame; separators at its end lead to the next one."""
@@ -76,49 +124,53 @@ class _Reader:
             trailing = [*self.frame.before, *trailing]
         else:
             self.frames.append(self.frame)
-        self.frame = Frame(before=trailing)
+        marked = self.frame.marked and self.frame.empty
+        self.listed = self.listed or marked
+        self.frame = Frame(before=trailing, marked=marked or self.listed)
+        self.subject = False
 
     def take(self, token: Token) -> None:
         kind = token.kind
-        if kind in _SEPARATORS:
-            self.frame.elements.append(Separator(kind, token.start))
-            if kind is Kind.STOP:
-                self.close()
+        if self.frame.start < 0 and kind not in _SEPARATORS:
+            self.frame.start = token.start
+        if token.value in ("(", ")"):
+            self.insert(token)
+        elif (self.inserted and token.value in ("OPEN", "CLOSE")) or (
+            self.inserted and kind in (Kind.FACT, Kind.PRONOUN, Kind.RELATIVE, Kind.WISH)
+        ):
+            return
+        elif kind in _SEPARATORS:
+            self.separate(token)
         elif kind is Kind.COUNT:
-            raise Abstention("counting", f"goals over {token.text!r} things cannot be said")
+            self.count(token)
         elif kind in (Kind.NOUN, Kind.ROOM):
             self.noun(token)
+        elif kind is Kind.UNKNOWN:
+            self.unknown(token)
         elif kind is Kind.PREPOSITION:
             self.lead(token)
         elif kind is Kind.RELATIVE:
-            self.relative = self.kind() is Kind.PREPOSITION
+            self.relate(token)
         elif kind is Kind.PRONOUN:
-            self.put(Pronoun(token.value == "whole"))
+            if not (token.text == "that" and self.previous is not None and self.previous.kind is Kind.MARK):
+                self.stand_for(token)
         elif kind is Kind.QUANTIFIER:
             self.quantifier()
         elif kind is Kind.THERE:
-            if token.text.startswith("where"):
-                self.close()
-                self.frame.verb, self.frame.word = "MOVE", "stay"
-            if token.text.startswith("from"):
-                self.preposition = Token(Kind.PREPOSITION, "from", "from")
-            self.preposition = self.preposition or Token(Kind.PREPOSITION, "in", "there")
-            self.put(There())
+            self.there(token)
         elif kind is Kind.WHERE:
             self.where()
         elif kind in (Kind.FACT, Kind.WISH):
             self.state(token)
-        elif kind is Kind.GOAL_MARK:
+        elif kind is Kind.MARK:
             self.close()
             self.frame.marked = True
         elif kind is Kind.VERB:
             self.verb(token)
         elif kind is Kind.NOT:
-            if self.frame.verb and self.frame.mood == "do" and not self.frame.marked:
-                self.close()
-            self.frame.negated = True
-        elif kind is Kind.ADJECTIVE:
-            self.verb(token._replace(form="ed"))
+            self.negate()
+        elif kind is Kind.ADJECTIVE and token.value:
+            self.verb(token._replace(kind=Kind.VERB, form="ed"))
         elif kind is Kind.SWAPPED:
             self.frame.verb = "SWAP"
         elif kind is Kind.SAME:
@@ -129,8 +181,211 @@ class _Reader:
             self.frame.elements.append(Cycle(token.value))
         elif kind is Kind.DOOR:
             self.frame.elements.append(Part("door"))
+        elif kind is Kind.PARTICLE and token.text == "over" and self.kind() in _STARTS_NOUN:
+            self.preposition = Token(Kind.PREPOSITION, "on", "over")  # drape it over the armchair
+        elif kind is Kind.REQUEST:
+            self.request()
         elif kind is Kind.PARTICLE and token.value:
             self.frame.elements.append(Part(token.value))
+        elif kind is Kind.SUBJECT:
+            self.tell(token)
+        elif kind is Kind.ARROW:
+            self.arrow()
+        elif kind in (Kind.ASIDE, Kind.IF):
+            self.close()
+            self.frame.aside = True
+        elif kind is Kind.CORRECTION:
+            self.close()
+            self.frame.corrects = True
+
+    # --- marks and small words --------------------------------------------------------------------------------------
+
+    def separate(self, token: Token) -> None:
+        frame = self.frame
+        self.preposition, self.inserted = None, False
+        if token.text in _MEANTIME and frame.verb and not self.continues():
+            frame.meantime = True
+            return
+        if frame.aside and not (token.kind is Kind.COMMA and not frame.verb) and token.kind not in (Kind.AND, Kind.OR):
+            self.close()
+        frame = self.frame
+        if token.text in (":", "-"):
+            if self.lists():
+                self.arrow()
+                return
+            if self.goes_on():
+                return
+            frame.heading = token.text == ":" and frame.mood != "fact"
+        frame.elements.append(Separator(token.kind, token.start))
+        if token.kind is Kind.STOP:
+            self.close()
+
+    def request(self) -> None:
+        """Take `please`, `could you`: a remark ends where a request begins."""
+        frame = self.frame
+        if frame.aside or self.subject or (frame.mood == "fact" and frame.of(Phrase)):
+            self.close()
+
+    def insert(self, token: Token) -> None:
+        """Take a bracket: what stands in brackets behind a thing says where it is, unless it is a clause."""
+        self.inserted = False
+        if token.value == ")":
+            return
+        inside: list[Kind] = []
+        while (ahead := self.peek(len(inside))) is not None and ahead.value != ")":
+            inside.append(ahead.kind)
+        last = self.frame.elements[-1] if self.frame.elements else None
+        self.inserted = (
+            isinstance(last, Entity) and last.movable and not {Kind.VERB, Kind.MARK, Kind.STOP} & set(inside)
+        )
+        if not self.inserted:
+            self.separate(token._replace(value=","))
+
+    def goes_on(self) -> bool:
+        """Return whether a colon stands inside of what is asked: `lamp: on`, `wash: the mug`."""
+        frame, following, after = self.frame, self.peek(), self.peek(1)
+        if following is None:
+            return False
+        alone = after is None or after.kind in _SEPARATORS
+        state = following.value in ("on", "off") and (following.kind is Kind.PARTICLE or alone)
+        return (state and bool(frame.of(Entity))) or (frame.verb in _ACTS and not frame.elements)
+
+    def lists(self) -> bool:
+        """Return whether what was said is a thing that a colon leads to its place from: `mug: dishwasher`."""
+        frame = self.frame
+        following = self.peek()
+        if following is None or frame.verb or frame.mood != "do" or not frame.of(Entity):
+            return False
+        if any(isinstance(e, Entity) and not e.movable for e in frame.elements) or frame.of(Phrase):
+            return False
+        ahead = 0
+        while self.kind(ahead) in (Kind.DETERMINER, Kind.ADJECTIVE):
+            ahead += 1
+        if self.kind(ahead) is Kind.ROOM:
+            return True
+        token = self.peek(ahead)
+        return following.kind is Kind.PREPOSITION or (
+            token is not None and token.kind is Kind.NOUN and not Entity(token.value).movable
+        )
+
+    def arrow(self) -> None:
+        """Take an arrow: what follows is where it goes; a piece before it is where it is."""
+        elements = self.frame.elements
+        moved = [e for e in elements if isinstance(e, Entity) and e.movable] or self.frame.of(Pronoun)
+        for index, element in enumerate(elements):
+            if isinstance(element, Entity) and not element.movable and moved:
+                elements[index] = Phrase("from", element, relative=True)
+            elif isinstance(element, Phrase) and element.preposition in ("in", "on", "at", "to", "arrow"):
+                elements[index] = Phrase(
+                    "from" if element.preposition in ("to", "arrow") else element.preposition,
+                    element.target,
+                    relative=True,
+                )
+        self.preposition = Token(Kind.PREPOSITION, "arrow", "->")
+
+    def count(self, token: Token) -> None:
+        """Take a number: it says how many of a kind follow."""
+        said = _NUMBERS.get(token.text) or (int(token.text) if token.text.isdigit() and len(token.text) < 3 else 0)
+        self.many = said or -1
+        ahead = 0
+        while self.kind(ahead) in (Kind.ADJECTIVE, Kind.DETERMINER):
+            ahead += 1
+        following = self.peek(ahead)
+        if following is None or following.kind not in (Kind.NOUN, Kind.UNKNOWN, Kind.ROOM):
+            self.many = 0
+
+    def tell(self, token: Token) -> None:
+        """Take `I`, `she`: who speaks of themselves asks for nothing until they say what they want."""
+        before = self.previous
+        following = self.peek()
+        wants = following is not None and following.kind in (Kind.VERB, Kind.WISH) and following.value in ("GET", "")
+        if (
+            before is not None
+            and before.kind is Kind.NOUN
+            and wants
+            and not self.frame.verb
+            and not self.frame.of(Phrase)
+        ):
+            self.subject = True  # both sheets I'd like on the table
+            return
+        if before is not None and before.kind is Kind.NOUN and token.close:
+            self.gap = True  # the mug I used this morning
+            return
+        if before is None or before.kind in _SEPARATORS or not self.frame.of(Entity):
+            marked, aside = self.frame.marked, self.frame.aside
+            if not self.frame.empty and (self.frame.verb or self.frame.of(Entity)):
+                self.close()  # but: on the desk I want the mug
+            self.frame.marked, self.frame.aside = marked, aside or not marked
+            self.frame.speaker = not aside and not marked
+        self.subject = True
+
+    def stand_for(self, token: Token) -> None:
+        """Take a pronoun; `the kitchen one` tells the piece before apart."""
+        before = self.previous
+        if token.text in ("one", "ones") and before is not None and before.kind in (*_LEADS, Kind.ROOM, Kind.NOUN):
+            return
+        weak = token.text in ("one", "ones", "that", "this", "each", "each one", "machine")
+        self.put(Pronoun(token.value == "whole", token.text in _SEVERAL, weak))
+
+    def negate(self) -> None:
+        if self.subject:
+            self.frame.aside = True  # I can't find my glasses
+            return
+        trailing = self.behind_phrase()
+        if trailing is not None:
+            self.close()
+            self.frame.elements, self.frame.negated = trailing, True
+            return
+        before = self.previous
+        apart = before is None or before.kind in (*_SEPARATORS, Kind.NOUN, Kind.ROOM) or before.value in ("(", ")")
+        if self.frame.of(Entity) + self.frame.of(Phrase) and apart and self.kind() is not Kind.VERB:
+            self.close()  # on the worktop (not the table)
+        elif self.frame.verb and self.frame.mood == "do" and not self.frame.marked:
+            self.close()
+        self.frame.negated = True
+
+    def behind_phrase(self) -> list[Element] | None:
+        """Take what stands behind the last phrase and a mark off the frame, if it does not go on with it."""
+        elements = self.frame.elements
+        last = max((i for i, e in enumerate(elements) if isinstance(e, Phrase)), default=-1)
+        behind = elements[last + 1 :]
+        if last < 0 or not behind or not isinstance(behind[0], Separator):
+            return None
+        del elements[last + 1 :]
+        return [e for e in behind if not isinstance(e, Separator)]
+
+    def there(self, token: Token) -> None:
+        if token.text.startswith("where"):
+            self.close()
+            self.frame.verb, self.frame.word = "MOVE", "stay"
+        last = self.frame.elements[-1] if self.frame.elements else None
+        target = last.target if isinstance(last, Phrase) else last
+        if isinstance(target, Entity) and not target.movable and target.room is None and token.text != "from there":
+            room = self.last_room()
+            if room is not None:  # on the worktop in there
+                piece = target._replace(room=room)
+                self.frame.elements[-1] = last._replace(target=piece) if isinstance(last, Phrase) else piece
+                self.preposition = None
+                return
+        if token.text.startswith("from"):
+            self.preposition = Token(Kind.PREPOSITION, "from", "from")
+        self.preposition = self.preposition or Token(Kind.PREPOSITION, "in", "there")
+        self.put(There())
+
+    def last_room(self) -> str | None:
+        """Return the room that was spoken of last."""
+        for frame in (self.frame, *reversed(self.frames)):
+            for element in reversed(frame.elements):
+                target = element.target if isinstance(element, Phrase) else element
+                if isinstance(target, Room):
+                    return target.type
+                if isinstance(target, Entity) and target.room is not None:
+                    return target.room
+        return self.room_before
+
+    def relate(self, token: Token) -> None:
+        """Take `that's`, `that I left`: a phrase that follows says where the thing before it is."""
+        self.relative = self.kind() is Kind.PREPOSITION
 
     # --- noun phrases -----------------------------------------------------------------------------------------------
 
@@ -138,59 +393,308 @@ class _Reader:
         """Take a noun with the room before or after it, or a room that stands alone."""
         room: str | None = None
         if token.kind is Kind.ROOM:
-            following = self.peek()
-            if following is None or following.kind is not Kind.NOUN:
-                self.put(Room(token.value))
+            ahead = 0
+            while self.kind(ahead) in (Kind.POSSESSIVE, Kind.ADJECTIVE):
+                ahead += 1
+            following = self.peek(ahead)
+            named = self.named_room(token)
+            if following is None or following.kind is not Kind.NOUN or not following.close:
+                self.room(named)
                 return
-            room, token = token.value, following
-            self.position += 1
-        entity = _entity(token)
-        if not entity.movable:
-            entity = Entity(token.value, room or self.room_after())
-        self.put(entity)
+            room, token = named, following
+            self.position += ahead + 1
+        cabinet = self.kind_of_cabinet(token)
+        if cabinet is not None:
+            self.many = 0
+            self.put(Entity(cabinet, room or self.room_after() or self.under_counter()))
+            return
+        entity = self.entity(token, None)
+        many, self.many = self.many, 0
+        if entity.movable:
+            self.put_many(entity, token, many)
+            if room is not None:  # the bedroom pillow
+                self.frame.elements.append(Phrase("in", Room(room), relative=True))
+            return
+        self.put(self.entity(token, room or self.room_after()))
+
+    def kind_of_cabinet(self, token: Token) -> str | None:
+        """Return which kind of cabinet is meant: a low one, one on the wall, one under the counter."""
+        named = known_nouns()[words_of(token.text)]
+        if named.name not in ("any_cabinet", "any_lower_cabinet", "bottom_cabinet", "any_locker") or self.house is None:
+            return None
+        words: list[str] = []
+        at = self.tokens.index(token) - 1
+        while at >= 0 and self.tokens[at].kind in (Kind.ADJECTIVE, Kind.UNKNOWN, Kind.ROOM, Kind.POSSESSIVE, Kind.NOUN):
+            words.append(self.tokens[at].text)
+            at -= 1
+        said = " ".join(words)
+        if self.under_counter_follows() or any(word in said for word in ("counter", "built in", "fitted", "base")):
+            return "bottom_cabinet_no_top"
+        if any(word in words for word in ("high", "upper", "wall", "overhead", "wall mounted", "top", "hanging")):
+            return "top_cabinet"
+        low = any(word in said for word in ("low", "freestanding", "free standing", "floor standing", "bottom"))
+        return "bottom_cabinet" if low else None
+
+    def under_counter_follows(self) -> int:
+        """Return how many tokens say that a cabinet stands under the counter; 0 if none do."""
+        ahead = 0
+        if self.kind(ahead) is Kind.COMMA:
+            ahead += 1
+        while self.kind(ahead) in (Kind.DETERMINER, Kind.PRONOUN, Kind.RELATIVE, Kind.ADJECTIVE) and ahead < 5:
+            ahead += 1
+        under = self.peek(ahead)
+        if under is None or under.value != "under":
+            return 0
+        ahead += 1
+        while self.kind(ahead) in (Kind.DETERMINER, Kind.ROOM, Kind.ADJECTIVE):
+            ahead += 1
+        counter = self.peek(ahead)
+        return ahead + 1 if counter is not None and counter.value in ("any_counter", "countertop") else 0
+
+    def under_counter(self) -> str | None:
+        """Take `under the kitchen counter` after a cabinet; return the room that it says."""
+        count = self.under_counter_follows()
+        rooms = [t for t in self.tokens[self.position : self.position + count] if t.kind is Kind.ROOM]
+        self.position += count
+        if count and not rooms:
+            return self.room_after()
+        return self.named_room(rooms[0]) if rooms else None
+
+    def put_many(self, entity: Entity, token: Token, many: int) -> None:
+        """Add a thing, or each of several of a kind: `two mugs`, `both mugs`.
+
+        Raises:
+            Abstention: how many is left open, or it cannot be said of things of several kinds.
+        """
+        before = self.previous
+        single = before is not None and before.text.endswith((" of the", " of my", " of our"))
+        if many == 0 and token.form == "s" and not single and not _comes_in_pairs(entity):
+            many = 2 if self.pair or len(entity.kinds) == 1 else 1
+        self.pair = False
+        if many in (0, 1):
+            self.put(entity)
+            return
+        if many < 0 or many > _MOST or len(entity.kinds) > 1:
+            words = f"{'' if many < 0 else many} {token.text}".strip()
+            asks = f"Which are meant by {words!r}? Name each of them, or how many of one kind."
+            raise Abstention("counting", words, Question(f"count:{token.text}", asks, token.text))
+        preposition, relative = self.preposition, self.relative
+        for index in range(many):
+            self.preposition, self.relative = preposition, relative
+            self.put(Entity(f"{entity.category}_{index}"))
+
+    def entity(self, token: Token, room: str | None) -> Entity:
+        named = known_nouns()[words_of(token.text)]
+        return Entity(thing_named(named, token.text, room, self.house), room)
+
+    def named_room(self, token: Token) -> str:
+        return room_named(known_nouns()[words_of(token.text)], self.house)
+
+    def room(self, name: str) -> None:
+        """Take a room that stands alone: with the piece before it (`desk, study`), or for itself."""
+        behind = len(self.frame.elements) - 1
+        while behind > 0 and isinstance(self.frame.elements[behind], Separator) and not self.continues():
+            behind -= 1  # the desk (study)
+        last = self.frame.elements[behind] if behind >= 0 else None
+        if self.either():
+            return
+        if self.preposition is None:
+            if isinstance(last, Entity) and not last.movable and last.room is None:
+                self.frame.elements[behind] = last._replace(room=name)
+                return
+            target = last.target if isinstance(last, Phrase) else None
+            if isinstance(last, Phrase) and isinstance(target, Entity) and target.room is None and not target.movable:
+                self.frame.elements[behind] = last._replace(target=target._replace(room=name))
+                return
+            self.preposition = Token(Kind.PREPOSITION, "at", "")
+        self.put(Room(name))
+
+    def either(self) -> bool:
+        """Take the second of two rooms that will both do: `a counter, kitchen or pantry`."""
+        elements = self.frame.elements
+        if not elements or not isinstance(elements[-1], Separator) or elements[-1].kind is not Kind.OR:
+            return False
+        for index in range(len(elements) - 2, -1, -1):
+            element = elements[index]
+            piece = element.target if isinstance(element, Phrase) else element
+            if isinstance(piece, Entity) and piece.room is not None:
+                open_ = piece._replace(room=None)
+                elements[index] = element._replace(target=open_) if isinstance(element, Phrase) else open_
+                self.preposition = None
+                return True
+        return False
+
+    def continues(self) -> bool:
+        """Return whether more than a mark follows."""
+        following = self.peek()
+        return following is not None and following.kind not in _SEPARATORS and following.kind is not Kind.ARROW
 
     def room_after(self) -> str | None:
         """Take `in the kitchen` after a piece of furniture."""
         ahead = 1 if self.kind() is Kind.RELATIVE else 0
         leading = self.peek(ahead)
-        if leading is None or leading.kind is not Kind.PREPOSITION or leading.text not in ("in", "of", "over in"):
+        if leading is None or leading.kind is not Kind.PREPOSITION or leading.text not in _IN_ROOM:
             return None
-        ahead += 2 if self.kind(ahead + 1) is Kind.DETERMINER else 1
+        ahead += 1
+        while self.kind(ahead) in (Kind.DETERMINER, Kind.ADJECTIVE):
+            ahead += 1
         room = self.peek(ahead)
-        if room is None or room.kind is not Kind.ROOM or self.kind(ahead + 1) is Kind.NOUN:
+        following = self.peek(ahead + 1)
+        if room is None or room.kind is not Kind.ROOM:
+            return None
+        if following is not None and following.kind is Kind.NOUN and following.close:
             return None
         self.position += ahead + 1
-        return room.value
+        return self.named_room(room)
 
-    def put(self, target: Entity | Pronoun | Room | There) -> None:
-        """Add a thing, or the phrase of the preposition before it."""
+    def unknown(self, token: Token) -> None:
+        """Take a word that is not known: it goes with a noun, names something, orders something, or is passed over."""
+        following, before = self.peek(), self.previous
+        if len(token.text) < 2 and before is not None:
+            return
+        if token.text in _FLOOR:
+            self.floor()
+            return
+        if (
+            following is not None
+            and following.close
+            and following.kind in (Kind.NOUN, Kind.ROOM, Kind.UNKNOWN, Kind.POSSESSIVE)
+        ):
+            return  # the brass candle holder, Tom's mug
+        compound = before is not None and before.kind is Kind.NOUN and token.close
+        if compound and could_name(token.text) and not token.name:
+            words = f"{before.text} {token.text}" if before else token.text
+            raise asked_meaning(words)
+        led = before is not None and before.kind in _LEADS and token.close
+        starts = self.frame.empty and not self.subject and not self.frame.marked
+        if not led and starts and could_act(token.text) and following is not None and following.kind in _STARTS_NOUN:
+            self.frame.verb, self.frame.word = "UNKNOWN", token.text
+        elif led or self.preposition is not None or (could_name(token.text) and not token.name):
+            self.put(Unknown(token.text))
+
+    def floor(self) -> None:
+        """Take `the kitchen floor`, `the floor of a bedroom`: where a thing lies, and not where it goes."""
+        elements = self.frame.elements
+        last = elements[-1] if elements else None
+        named = self.previous is not None and self.previous.kind is Kind.ROOM
+        if named and isinstance(last, Phrase) and isinstance(last.target, Room):
+            elements[-1] = last._replace(preposition="in", relative=True)
+        self.preposition = None
+        room = self.room_after()
+        if room is not None:
+            elements.append(Phrase("in", Room(room), relative=True))
+
+    def put(self, target: Entity | Pronoun | Room | There | Unknown) -> None:
+        """Add a thing, or the phrase of the preposition before it.
+
+        Raises:
+            Abstention: it is one of two that are left open.
+        """
+        self.choose(target)
+        if isinstance(target, Entity) and self.preposition is None and self.starts_anew(target):
+            self.close()
+        if self.repeats(target):
+            return
+        if self.inserted:
+            self.preposition = self.preposition or Token(Kind.PREPOSITION, "at", "")
+            self.relative = True
+        if self.preposition is None and isinstance(target, Entity) and not target.movable and self.goes_there():
+            self.preposition = Token(Kind.PREPOSITION, "arrow", "->")
         if self.preposition is None:
             if isinstance(target, Room | There):
-                raise Abstention("unparsed", "a room without a preposition before it")
-            self.frame.elements.append(target)
-            return
+                self.preposition = Token(Kind.PREPOSITION, "at", "")
+            else:
+                self.frame.elements.append(target)
+                return
         word = self.preposition.text
-        directional = self.preposition.value == "to" or word in ("into", "onto", "on to", "in to")
-        self.frame.elements.append(Phrase(self.preposition.value, target, self.relative, directional))
+        preposition = self.preposition.value
+        directional = preposition in ("to", "arrow") or word in ("into", "onto", "on to", "in to")
+        self.frame.elements.append(Phrase(preposition, target, self.relative, directional))
         self.preposition, self.relative = None, False
+
+    def choose(self, target: object) -> None:
+        """Refuse `the sink or the dishwasher`."""
+        elements = self.frame.elements
+        if len(elements) < 2 or not isinstance(elements[-1], Separator) or elements[-1].kind is not Kind.OR:
+            return
+        other = elements[-2].target if isinstance(elements[-2], Phrase) else elements[-2]
+        if isinstance(other, Entity) and isinstance(target, Entity) and not self.frame.aside:
+            first, second = spoken(other), spoken(target)
+            raise asked_which(f"{first} or {second}", (first, second))
+
+    def starts_anew(self, target: Entity) -> bool:
+        """Return whether a thing begins another clause: `hall light off, the mug in the sink`."""
+        frame = self.frame
+        if frame.aside or frame.verb in ("SWAP", "GET", "FILL"):
+            return False
+        parts = any(isinstance(e, Part) and e.word in ("on", "off") for e in frame.elements)
+        lit = any(isinstance(e, Entity) and any(k.toggleable for k in e.kinds) for e in frame.elements)
+        if parts and lit and not frame.of(Phrase):
+            return not frame.verb or frame.mood == "wish"
+        following = self.peek()
+        placed = following is not None and following.kind is Kind.PREPOSITION and following.value in ("on", "in", "to")
+        processed = frame.verb in ("WASH", "DRY", "HEAT") and bool(frame.of(Entity) + frame.of(Pronoun))
+        marked = bool(frame.elements) and isinstance(frame.elements[-1], Separator)
+        return processed and target.movable and placed and marked and bool(frame.of(Phrase) or frame.done)
+
+    def repeats(self, target: object) -> bool:
+        """Return whether a piece only says again what was said: `into a bookcase, any bookcase`."""
+        elements = self.frame.elements
+        if self.preposition is not None or not isinstance(target, Entity) or target.movable or len(elements) < 2:
+            return False
+        before = elements[-2]
+        piece = before.target if isinstance(before, Phrase) else before
+        comma = isinstance(elements[-1], Separator) and elements[-1].kind is Kind.COMMA
+        if not comma or not isinstance(piece, Entity) or piece.movable or not isinstance(before, Phrase):
+            return False
+        return bool(set(piece.kinds) & set(target.kinds))
+
+    def goes_there(self) -> bool:
+        """Return whether a piece without a preposition can only be where the thing before goes: `mug dishwasher`."""
+        last = self.frame.elements[-1] if self.frame.elements else None
+        close = self.previous is not None and self.previous.kind is Kind.NOUN
+        return close and isinstance(last, Entity) and last.movable and self.frame.verb in ("", "MOVE")
 
     def lead(self, token: Token) -> None:
         """Take a preposition: it leads a phrase, a verb, or stands alone."""
         following = self.kind()
+        if token.text == "for" and self.wished_for():
+            return
         if following in _STARTS_NOUN:
             self.preposition = token
         elif following is Kind.VERB and token.value == "to":
             self.infinitive = True
         elif following is Kind.VERB and token.text == "by":
             self.frame.elements.append(Separator(Kind.THEN))
-        elif following not in (Kind.PREPOSITION, Kind.CYCLE) and token.value in ("on", "off", "out", "in"):
+        elif token.value in ("on", "off", "out", "in") and (
+            following not in (Kind.PREPOSITION, Kind.CYCLE) or self.after_switched(token)
+        ):
             self.frame.elements.append(Part(token.value))
+
+    def wished_for(self) -> bool:
+        """Return whether `for` leads to what shall be: `it is time for the mug to be washed`."""
+        before = self.previous
+        if before is not None and before.kind in (Kind.DETERMINER, Kind.PRONOUN, Kind.NOUN):
+            return False  # the thing for the soup
+        ahead = 0
+        while self.kind(ahead) in (Kind.DETERMINER, Kind.ADJECTIVE, Kind.NOUN, Kind.ROOM, Kind.AND, Kind.POSSESSIVE):
+            ahead += 1
+        wish = self.peek(ahead)
+        return ahead > 0 and wish is not None and wish.kind is Kind.WISH
+
+    def after_switched(self, token: Token) -> bool:
+        """Return whether `on` and `off` say how the piece before is left: `lights on in the hall`."""
+        last = self.frame.elements[-1] if self.frame.elements else None
+        piece = isinstance(last, Entity) and not last.movable and any(kind.toggleable for kind in last.kinds)
+        return token.text in ("on", "off") and piece
 
     def quantifier(self) -> None:
         """Take `both` as a pronoun where nothing else says what is meant."""
+        self.pair = True
         if self.kind() is Kind.DETERMINER:
             return
-        if self.kind() is not Kind.NOUN and self.frame.verb and not self.frame.of(Entity) + self.frame.of(Pronoun):
+        alone = self.kind() is not Kind.NOUN and not self.frame.of(Entity) + self.frame.of(Pronoun)
+        if alone and (self.frame.verb or self.kind() in (Kind.WISH, Kind.FACT)):
             self.put(Pronoun(both=True))
 
     def where(self) -> None:
@@ -198,13 +702,14 @@ class _Reader:
         if self.frame.mood == "fact" and self.frame.of(Phrase) and not self.frame.of(Entity):
             self.frame.mood, self.frame.verb = "do", ""
             return
-        while self.kind() is Kind.DETERMINER:
-            self.position += 1
-        target, stated = self.peek(), self.peek(1)
+        ahead = 0
+        while self.kind(ahead) in (Kind.DETERMINER, Kind.ADJECTIVE):
+            ahead += 1
+        target, stated = self.peek(ahead), self.peek(ahead + 1)
         if target is None or stated is None or target.kind is not Kind.NOUN or stated.kind is not Kind.FACT:
-            raise Abstention("unparsed", "'where' without a thing that is somewhere")
-        self.position += 2
-        owner = _entity(target)
+            return
+        self.position += ahead + 2
+        owner = self.entity(target, None)
         self.frame.elements.append(Phrase("where", owner))
         ahead = 1 if self.kind() is Kind.COMMA else 0
         leading = self.peek(ahead)
@@ -216,20 +721,36 @@ class _Reader:
     # --- verbs ------------------------------------------------------------------------------------------------------
 
     def state(self, token: Token) -> None:
-        """Take `is`, `should`, `belongs`: what was said last is its subject."""
+        """Take `is`, `should`, `belongs`, `Tom left`: what was said last is its subject."""
         frame = self.frame
-        if self.previous is Kind.WISH and token.kind is Kind.WISH:
+        if self.previous is not None and self.previous.kind is Kind.WISH and token.kind is Kind.WISH:
             return  # should go, needs to end up
         if token.text == "go" and frame.empty and not frame.marked:
             if self.kind() is not Kind.VERB:  # "go find it" says no more than "find it"
                 frame.verb, frame.word = "GET", "go"  # go to the fridge for the milk
             return
-        if frame.mood != "do" or frame.verb:
+        if token.kind is Kind.WISH and frame.empty and self.subject:
+            frame.verb, frame.word, frame.aside = "GET", token.text, False  # I must have the mug on the desk
+            return
+        marked = self.previous is not None and self.previous.kind in (Kind.COMMA, Kind.STOP)
+        if marked and token.text in _IT_IS and frame.of(Entity) and not _goes(frame) and frame.mood != "fact":
+            self.inserted = True  # the potato, it's on the counter, goes …
+            return
+        complete = not frame.verb and frame.mood == "do" and _says_where(frame) and _goes(frame)
+        if (frame.verb and token.value == "told") or (
+            complete and frame.elements and isinstance(frame.elements[-1], Separator)
+        ):
+            self.close()
+        elif frame.mood != "do" or frame.verb:
             subject = self.split_subject()
+            aside = self.frame.aside
             self.close()
             self.frame.elements = subject
-        wished = token.kind is Kind.WISH or self.frame.marked
-        self.frame.mood, self.frame.verb, self.frame.word = ("wish" if wished else "fact"), "BE", token.text
+            self.frame.aside = aside
+        frame = self.frame
+        wished = token.kind is Kind.WISH or frame.marked
+        frame.told = token.value == "told"
+        frame.mood, frame.verb, frame.word = ("wish" if wished and not frame.told else "fact"), "BE", token.text
 
     def split_subject(self) -> list[Element]:
         """Take what stands behind the last complete phrase off the frame: the subject of a new one."""
@@ -245,38 +766,129 @@ class _Reader:
                 del elements[start:]
                 self.frame.end = element.start
                 return subject
+        last = elements[-1] if elements else None
+        if len(elements) > 1 and isinstance(last, Pronoun | Entity) and isinstance(elements[-2], Phrase):
+            return [elements.pop()]  # it is in the low cabinet that goes on a table
         return []
 
     def verb(self, token: Token) -> None:
         frame = self.frame
         infinitive, self.infinitive = self.infinitive, False
         after_separator = bool(frame.elements) and isinstance(frame.elements[-1], Separator)
-        if self.previous is Kind.DOOR and token.value in ("OPEN", "CLOSE"):
+        if self.previous is not None and self.previous.kind is Kind.DOOR and token.value in ("OPEN", "CLOSE"):
             return  # "door shut"
+        if (
+            token.text in ("need", "want", "require")
+            and not self.subject
+            and not frame.verb
+            and frame.of(Entity) + frame.of(Pronoun)
+        ):
+            self.state(token._replace(kind=Kind.WISH))  # the jeans need a wash
+            return
+        if self.gap:
+            self.gap = False
+            return  # the mug I used
+        if self.modifies(token):
+            return  # the empty bottle, the frozen pizza
+        if self.subject and token.value == "GET" and not frame.verb:
+            frame.verb, frame.word, frame.aside = "GET", token.text, False  # I would like
+            return
         participle = token.form in ("ed", "ing") or infinitive
+        orders = token.form == "base" or token.text in ("put", "set", "shut")
+        if token.form == "ed" and frame.verb and not frame.aside and not after_separator:
+            subject = self.split_participle() or (self.split_subject() if frame.mood == "do" else [])
+            if subject:
+                self.close()
+                self.frame.elements = subject
+                self.frame.verb, self.frame.word, self.frame.mood = token.value, token.text, "wish"
+                self.frame.done = len(subject)
+                return
+        if frame.aside and not (after_separator and orders and not infinitive):
+            frame.verb, frame.word = frame.verb or token.value, token.text
+            return
         if frame.mood == "fact" and not after_separator and not frame.of(Phrase):
             return  # a state that is told: "is left", "is clean"
         if (
             (frame.mood == "wish" and not after_separator and not _directed(frame))
-            or (not frame.verb and (frame.marked or not frame.empty))
+            or (
+                not frame.verb
+                and (frame.marked or not frame.empty)
+                and not (frame.aside or frame.heading or (after_separator and orders and _says_where(frame)))
+            )
+            or (frame.verb in ("GET", "BE", "UNKNOWN", "DO", "LET") and frame.mood == "do" and not frame.elements)
             or (not after_separator and _completes(token, frame, participle=participle, infinitive=infinitive))
         ):
-            frame.verb, frame.word = token.value, token.text
+            left = frame.verb == "MOVE" and token.value in ("OPEN", "CLOSE")
+            frame.verb, frame.word = token.value, frame.word if left else token.text
+            frame.done = len(frame.elements) if token.form == "ed" else 0
         else:
             negated = frame.negated and frame.empty
             self.close()
             self.frame.verb, self.frame.word, self.frame.negated = token.value, token.text, negated
 
+    def split_participle(self) -> list[Element]:
+        """Take what stands behind `washed` off the frame: the subject of `the plates washed and the jeans dried`."""
+        frame = self.frame
+        if not frame.done or len(frame.elements) <= frame.done:
+            return []
+        behind = frame.elements[frame.done :]
+        if not isinstance(behind[0], Separator) or not any(isinstance(e, Entity) for e in behind):
+            return []
+        subject: list[Element] = [e for e in behind if not isinstance(e, Separator)]
+        if any(isinstance(e, Phrase) and not e.relative for e in subject):
+            return []
+        del frame.elements[frame.done :]
+        return subject
 
-def _entity(token: Token) -> Entity:
-    """Return the noun phrase of a noun.
+    def modifies(self, token: Token) -> bool:
+        """Return whether a verb only says what a thing is like: `the empty bottle`, `the freshly washed mug`."""
+        before, following = self.previous, self.peek()
+        led = (
+            before is not None
+            and token.close
+            and (
+                before.kind in (Kind.DETERMINER, Kind.ADJECTIVE, Kind.POSSESSIVE)
+                or before.text in ("that", "this", "those")
+            )
+        )
+        return led and following is not None and following.close and following.kind in (Kind.NOUN, Kind.ADJECTIVE)
 
-    Raises:
-        Abstention: it could mean several categories.
-    """
-    if "|" in token.value:
-        raise Abstention("ambiguous", f"{token.text!r} could be {', '.join(token.value.split('|'))}")
-    return Entity(token.value)
+
+def corrected(frames: Sequence[Frame]) -> list[Frame]:
+    """Return frames with `no wait, the dishwasher` put in the place of what it corrects."""
+    kept: list[Frame] = []
+    for frame in frames:
+        new = next((e for e in frame.elements if isinstance(e, Entity | Phrase)), None)
+        if not frame.corrects or frame.verb or new is None or not kept:
+            kept.append(frame)
+            continue
+        elements = kept[-1].elements
+        for index in range(len(elements) - 1, -1, -1):
+            replaced = _replaced(elements[index], new)
+            if replaced is not None:
+                elements[index] = replaced
+                rest = frame.elements[frame.elements.index(new) + 1 :]
+                elements.extend(e for e in rest if not isinstance(e, Separator))
+                break
+        else:
+            elements.extend(frame.elements)
+        kept[-1].end = frame.end
+    return kept
+
+
+def _replaced(old: Element, new: Entity | Phrase) -> Element | None:
+    """Return what stands for an element after a correction, or None if it is not what is corrected."""
+    if isinstance(new, Phrase):
+        return new._replace(relative=old.relative) if isinstance(old, Phrase) else None
+    if isinstance(old, Phrase):
+        target = old.target
+        alike = isinstance(target, Room) or (isinstance(target, Entity) and target.movable == new.movable)
+        return old._replace(target=new) if alike else None
+    return new if isinstance(old, Entity) and old.movable == new.movable else None
+
+
+_LEADS = (Kind.DETERMINER, Kind.ADJECTIVE, Kind.COUNT, Kind.POSSESSIVE, Kind.QUANTIFIER, Kind.UNKNOWN)
+_IN_ROOM = ("in", "of", "over in", "at", "back in", "inside", "from", "up in", "down in", "out in", "within", "by")
 
 
 def _completes(token: Token, frame: Frame, *, participle: bool, infinitive: bool) -> bool:
@@ -286,6 +898,25 @@ def _completes(token: Token, frame: Frame, *, participle: bool, infinitive: bool
     if infinitive and token.value in ("DRY", "WASH", "HEAT"):
         return True
     return token.value in ("OPEN", "CLOSE") and frame.verb in ("MOVE", "GET")
+
+
+def _comes_in_pairs(entity: Entity) -> bool:
+    """Return whether a plural names one thing: socks, keys, a pair of shoes."""
+    pairs = ("sock", "gym_shoe", "sandal", "high_heel", "rubber_glove", "key", "legging", "hiking_boot", "rubber_boot")
+    return entity.category in pairs or default_vocabulary().is_plural(entity.category)
+
+
+def _goes(frame: Frame) -> bool:
+    """Return whether a frame says where something goes."""
+    return any(isinstance(e, Phrase) and not e.relative and e.preposition not in _FROM for e in frame.elements)
+
+
+_FROM = ("from", "out", "off", "of", "for", "with")
+
+
+def _says_where(frame: Frame) -> bool:
+    """Return whether a frame without a verb is complete: `mug in the dishwasher, ...`."""
+    return bool(frame.of(Phrase) and frame.of(Entity) + frame.of(Pronoun))
 
 
 def _directed(frame: Frame) -> bool:

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 from gavel_agents.understanding.interface import Abstention
 from gavel_agents.understanding.rules.discourse import Act, Discourse, movables, said
 from gavel_agents.understanding.rules.elements import Entity, Phrase, Pronoun
-from gavel_agents.understanding.rules.verb_words import verb_forms
+from gavel_agents.understanding.rules.places import says_where
+from gavel_agents.understanding.rules.questions import asked_where
+from gavel_agents.understanding.rules.words import verb_forms
 
 __all__ = ["Group", "grouped", "locate", "locates", "place"]
 
@@ -69,6 +71,8 @@ def grouped(discourse: Discourse, act: Act) -> tuple[list[Phrase], list[Group]]:
             if element.preposition == "with" and isinstance(target, Entity) and target.movable:
                 groups.append(Group([target]))
                 last, accompanied = target, True
+            elif not says_where(element.preposition):
+                continue
             elif not group.things and not leading and named:
                 leading.append(element)
             elif accompanied and isinstance(target, Pronoun) and named:
@@ -86,7 +90,7 @@ def grouped(discourse: Discourse, act: Act) -> tuple[list[Phrase], list[Group]]:
         elif isinstance(element, Pronoun):
             found = discourse.antecedents(element)
             group.things.extend(t for t in found if t not in group.things)
-            last = found[-1]
+            last = found[-1] if found else last
     return leading, [g for g in groups if g.things or g.phrases]
 
 
@@ -137,8 +141,7 @@ def place(discourse: Discourse, act: Act, leading: Sequence[Phrase], groups: Seq
             for thing in group.things:
                 discourse.wish(act, thing, end)
         elif act.frame.verb in ("MOVE", "BE") and discourse.following is None and not _placed(discourse, group):
-            named = ", ".join(said(t) for t in group.things) or "it"
-            raise Abstention("no_destination", f"where shall the {named} go?")
+            raise asked_where(group.things[0])
 
 
 def _placed(discourse: Discourse, group: Group) -> bool:

@@ -1,36 +1,32 @@
-"""From text to tokens: the longest known phrase wins, and a word that is not known ends the reading."""
+"""From text to tokens: the longest known phrase wins; a word that is not known is repaired, or marked as unknown."""
 
 from __future__ import annotations
 
 import re
-import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from typing import NamedTuple
 
-from gavel_agents.understanding.interface import Abstention
-from gavel_agents.understanding.rules.nouns import IRREGULAR_PLURALS, ROOM_SYNONYMS, SYNONYMS, VAGUE
-from gavel_agents.understanding.rules.words import CHAT_STARTS, Kind, closed_words
-from gavel_env.errors import nearest_names
-from gavel_env.instructions.vocabulary import default_vocabulary
-from gavel_env.world_model.ontology import default_ontology
+from gavel_agents.understanding.rules.english import is_english
+from gavel_agents.understanding.rules.nouns import known_nouns, only_led, words_of
+from gavel_agents.understanding.rules.spelling import Speller
+from gavel_agents.understanding.rules.words import Kind, closed_words, word_lists
 
-__all__ = ["Spoken", "Token", "in_a_room", "known_nouns", "plurals", "sentences_of", "words_of"]
-
-_MOST_CHARACTERS = 4000
-_LONGEST_PHRASE = 9
+__all__ = ["Token", "tokens_of"]
 
 
 class Token(NamedTuple):
-    """A known phrase.
+    """A known phrase, an unknown word, or a mark.
 
     Attributes:
         kind: what it does.
-        value: category, room type or sub-kind.
+        value: of a noun, its designator's name; else a sub-kind.
         text: its words.
-        form: of a verb: "ing", "ed" or "base".
-        start, end: where it stands in its sentence.
+        form: of a verb: "ing", "ed" or "base"; of a noun, "s" if it is a plural.
+        start, end: where it stands in the text.
+        close: no mark stands between it and the token before.
+        name: it is written with a capital inside a sentence.
     """
 
     kind: Kind
@@ -39,199 +35,285 @@ class Token(NamedTuple):
     form: str = ""
     start: int = 0
     end: int = 0
+    close: bool = True
+    name: bool = False
 
 
 class _Piece(NamedTuple):
     word: str
     start: int
     end: int
+    close: bool
+    name: bool
 
 
-_WORD = re.compile(r"[^\W_]+(?:'[^\W_]+)?'?")
-_BULLET = re.compile(r"^\s*(?:[-*•]+|\(?\d{1,2}[.)])\s+", re.MULTILINE)
-_END = re.compile(r"[.!?\n]+")
-_MARK = re.compile(r"[,;:()—–]|\s-\s")
+_WORD = re.compile(r"[^\W_]+(?:'[^\W_]+)*'?")
+_CONTRACTED = ("'s", "'d", "'m", "'ve", "'ll", "'re")
+_BULLET = re.compile(r"^[ \t]*(?:[-–—*•·>#+▪●○◦☐✓✔]+|\[[ xX]?\]|[(\[]?(?:\d{1,2}|[a-hA-H])[.):\]])[ \t]+", re.MULTILINE)
+_INLINE_NUMBER = re.compile(r"(?:(?<=\s)|^)[(]?\d{1,2}[.)](?=\s)|(?<=\s)\([a-h]\)(?=\s)")
+_MARKS: tuple[tuple[re.Pattern[str], Kind, str], ...] = (
+    (re.compile(r"-+>|=+>|→|➜|➔|⇒|⟶|»|(?<=\s)>+(?=\s)|(?<=\s)=(?=\s)"), Kind.ARROW, "->"),
+    (re.compile(r"\.{2,}"), Kind.COMMA, ","),
+    (re.compile(r"[.!?](?=\W|$)|[\n\r\u2028]"), Kind.STOP, "."),
+    (re.compile(r"[;•·|]"), Kind.STOP, ";"),
+    (re.compile(r":"), Kind.STOP, ":"),
+    (re.compile(r"[—–]|(?<=\s)-+(?=\s)"), Kind.STOP, "-"),
+    (re.compile(r"[(\[]"), Kind.COMMA, "("),
+    (re.compile(r"[)\]]"), Kind.COMMA, ")"),
+    (re.compile(r","), Kind.COMMA, ","),
+    (re.compile(r"/"), Kind.OR, "/"),
+    (re.compile(r"[&+]"), Kind.AND, "&"),
+)
 
 
-def words_of(text: str) -> tuple[str, ...]:
-    """Return the words of a phrase as the lexer compares them: lower case, hyphens as spaces."""
-    return tuple(_WORD.findall(_plain(text)))
+def _split(word: str) -> tuple[str, ...]:
+    """Return a word with contractions and chat spellings written out."""
+    said = word_lists().chat.get(word)
+    if said is not None:
+        return tuple(said.split())
+    for ending in _CONTRACTED:
+        if word.endswith(ending) and len(word) > len(ending):
+            return (*_split(word.removesuffix(ending)), ending)
+    return (word.removesuffix("'") or word,)
 
 
-def _plain(text: str) -> str:
-    text = unicodedata.normalize("NFKC", text).lower()
-    text = re.sub(r"[‘’ʼ`´]", "'", text)
-    return re.sub(r"(?<=\w)-(?=\w)", " ", text)
+def _pieces(text: str) -> Iterator[_Piece | Token]:
+    """Yield the words and marks of a text."""
+    text = _INLINE_NUMBER.sub(lambda m: ";" + " " * (len(m.group()) - 1), _BULLET.sub(_line, text))
+    shouted = sum(c.isupper() for c in text) > sum(c.islower() for c in text)
+    end, close, first = 0, False, True
+    for match in _WORD.finditer(text):
+        for mark in _marks(text, end, match.start()):
+            yield mark
+            close, first = False, first or mark.kind is Kind.STOP
+        word = match.group()
+        name = word[0].isupper() and not first and not shouted
+        for part in _split(word.lower()):
+            yield _Piece(part, match.start(), match.end(), close, name)
+            close = True
+        end, close, first = match.end(), True, False
+    yield from _marks(text, end, len(text))
 
 
-def plurals(noun: str) -> Iterator[str]:
-    """Yield plurals of a noun; of `bottle of milk`, `bottles of milk`."""
-    head, of, rest = noun.partition(" of ")
-    before, _, last = head.rpartition(" ")
-    prefix = f"{before} " if before else ""
-    if last in IRREGULAR_PLURALS:
-        yield f"{prefix}{IRREGULAR_PLURALS[last]}{of}{rest}"
-    elif last.endswith(("s", "sh", "ch", "x", "z")):
-        yield f"{prefix}{last}es{of}{rest}"
-    elif last.endswith("y") and last[-2:-1] not in "aeiou":
-        yield f"{prefix}{last[:-1]}ies{of}{rest}"
-    else:
-        yield f"{prefix}{last}s{of}{rest}"
+def _line(bullet: re.Match[str]) -> str:
+    """Return what stands for a bullet: a stop, so that each item is a sentence."""
+    return ";" + " " * (len(bullet.group()) - 1)
 
 
-def in_a_room(noun: str) -> bool:
-    """Return whether a noun says the room of another one: the garden chair is the chair in the garden."""
-    vocabulary = default_vocabulary()
-    rooms = {word for words in vocabulary.rooms.values() for word in words}
-    nouns = {word for words in vocabulary.furniture.values() for word in words.nouns}
-    return any(noun.startswith(f"{room} ") and noun.removeprefix(f"{room} ") in nouns for room in rooms)
+def _marks(text: str, start: int, end: int) -> Iterator[Token]:
+    """Yield the marks between two words."""
+    position = start
+    while position < end:
+        if text[position] == " ":
+            position += 1
+            continue
+        for pattern, kind, value in _MARKS:
+            found = pattern.match(text, position, len(text))
+            if found is not None and found.end() <= end:
+                yield Token(kind, value, value, "", position, position, close=False)
+                position = found.end()
+                break
+        else:
+            position += 1
+
+
+def tokens_of(text: str) -> list[Token]:
+    """Return the tokens of a readable text.
+
+    Raises:
+        Abstention: a word could be one of several that are spelled alike.
+    """
+    tokens: list[Token] = []
+    run: list[_Piece] = []
+    for piece in _pieces(text):
+        if isinstance(piece, Token):
+            _read_run(run, tokens)
+            run = []
+            tokens.append(piece)
+        else:
+            run.append(piece)
+    _read_run(run, tokens)
+    return _told(_determined(tokens))
+
+
+_POINTING = frozenset(["this", "that", "these", "those", "one", "its", "either"])
+_EACH = frozenset({"each", "every", "every single", "each and every"})
+
+
+def _determined(tokens: Sequence[Token]) -> list[Token]:
+    """Return the tokens with `this` before a noun as a determiner."""
+    read = list(tokens)
+    for index, (token, following) in enumerate(pairwise(tokens)):
+        after = tokens[index + 2] if index + 2 < len(tokens) else None
+        opened = following.value in ("OPEN", "CLOSE") and after is not None and after.kind is Kind.NOUN
+        noun = following.close and (following.kind in (Kind.NOUN, Kind.ADJECTIVE, Kind.ROOM) or opened)
+        if noun and token.text in _EACH:
+            read[index] = token._replace(kind=Kind.COUNT, value=token.text)
+        elif noun and token.text in _POINTING and token.kind is not Kind.DETERMINER:
+            read[index] = token._replace(kind=Kind.DETERMINER, value="")
+    return read
+
+
+class _Entry(NamedTuple):
+    words: tuple[str, ...]
+    noun: Token | None
+    closed: Token | None
 
 
 @cache
-def known_nouns() -> Mapping[tuple[str, ...], tuple[Kind, str]]:
-    """Return every noun phrase with its category or room type; a vague noun has the categories it could mean."""
-    vocabulary, ontology = default_vocabulary(), default_ontology()
-    table: dict[tuple[str, ...], tuple[Kind, str]] = {}
-
-    def add(noun: str, kind: Kind, value: str, *, plural: bool = True) -> None:
-        for form in (noun, *(plurals(noun) if plural else ())):
-            table.setdefault(words_of(form), (kind, value))
-
-    for group in (vocabulary.movables, vocabulary.furniture):
-        for category, entry in group.items():
-            for noun in entry.nouns:
-                if not in_a_room(noun.lower()):
-                    add(noun.lower(), Kind.NOUN, category, plural=not vocabulary.is_plural(category))
-    for room, nouns in vocabulary.rooms.items():
-        for noun in nouns:
-            add(noun.lower(), Kind.ROOM, room, plural=False)
-    for noun, room in ROOM_SYNONYMS.items():
-        add(noun, Kind.ROOM, room, plural=False)
-    for noun, category in SYNONYMS.items():
-        add(noun, Kind.NOUN, category)
-    for noun, categories in VAGUE.items():
-        add(noun, Kind.NOUN, "|".join(categories))
-    for name in ontology:
-        if not in_a_room(name.replace("_", " ")):
-            add(name.replace("_", " "), Kind.NOUN, name)
-    return table
+def _phrases() -> Mapping[str, tuple[_Entry, ...]]:
+    """Return every known phrase by its first word, the longest first."""
+    nouns = known_nouns()
+    closed = {words_of(" ".join(said)): meant for said, meant in closed_words().items()}
+    table: dict[str, list[_Entry]] = {}
+    for words in {**nouns, **closed}:
+        noun = nouns.get(words)
+        entry = _Entry(
+            words,
+            None if noun is None else Token(noun.kind, noun.name, " ".join(words), "s" if noun.plural else ""),
+            _closed_token(words, *closed[words]) if words in closed else None,
+        )
+        table.setdefault(words[0] if words else "", []).append(entry)
+    return {first: tuple(sorted(entries, key=lambda e: -len(e.words))) for first, entries in table.items()}
 
 
-def _verb_form(words: tuple[str, ...]) -> str:
-    first = words[0]
-    if first.endswith("ing") and first not in ("bring",):
+def _closed_token(words: tuple[str, ...], kind: Kind, value: str) -> Token:
+    return Token(kind, value, " ".join(words), _verb_form(words[0]) if kind is Kind.VERB else "")
+
+
+def _verb_form(first: str) -> str:
+    if first.endswith("ing") and first != "bring":
         return "ing"
-    return "ed" if first.endswith(("ed", "put", "set", "left", "kept", "shut", "laid", "stuck")) else "base"
+    past = ("ed", "put", "set", "left", "kept", "shut", "laid", "stuck", "hung", "frozen", "taken", "brought", "found")
+    return "ed" if first.endswith(past) else "base"
 
 
-class Spoken(NamedTuple):
-    """A sentence.
-
-    Attributes:
-        text: as it was written, to which the tokens' places refer.
-        tokens: what it says; none if it asks for nothing.
-        opened: a remark that asks for nothing leads to it.
-    """
-
-    text: str
-    tokens: list[Token]
-    opened: bool
+@cache
+def _speller() -> Speller:
+    words = {word for entries in _phrases().values() for entry in entries for word in entry.words}
+    return Speller(word for word in words if word.isalpha())
 
 
-def sentences_of(text: str) -> Iterator[Spoken]:
-    """Yield the sentences of a text.
-
-    Raises:
-        Abstention: empty, too long, no text, or an unknown word.
-    """
-    if not text.strip():
-        raise Abstention("empty", "nothing is said")
-    if len(text) > _MOST_CHARACTERS:
-        raise Abstention("too_long", f"{len(text)} characters; at most {_MOST_CHARACTERS}")
-    first = True
-    for part in _END.split(_BULLET.sub("\n", unicodedata.normalize("NFKC", text))):
-        plain = _plain(part)
-        if plain.strip().isdigit():
-            continue  # the number of a list
-        said = list(_sentence(plain))
-        tokens = _without_small_talk(said, plain, first)
-        for token in tokens:
-            if token.kind is Kind.UNKNOWN:
-                raise Abstention("unknown_word", _with_hint(token.text))
-        if said or _WORD.search(plain):
-            yield Spoken(
-                part if len(part) == len(plain) else plain, tokens, len(tokens) < len(said) or _has_heading(tokens)
-            )
-            first = first and not any(t.kind in _NAMES for t in tokens)
+_LEADS = (Kind.DETERMINER, Kind.ADJECTIVE, Kind.ROOM, Kind.QUANTIFIER, Kind.COUNT, Kind.POSSESSIVE)
+_ARGUMENT = (*_LEADS, Kind.VERB, Kind.PREPOSITION)
 
 
-def _has_heading(tokens: list[Token]) -> bool:
-    """Return whether a known phrase such as `a few things to do` leads to a colon."""
-    return bool(tokens) and tokens[0].kind is Kind.STOP
-
-
-# Categories of structure whose names mean the doors of furniture here.
-_NEVER_NOUNS = frozenset({("door",), ("doors",), ("floors",), ("walls",)})
-_NAMES = (Kind.NOUN, Kind.ROOM)
-
-
-def _without_small_talk(tokens: list[Token], sentence: str, first: bool) -> list[Token]:
-    """Return the tokens without a remark that asks for nothing: what leads to a colon, or a whole first sentence."""
-    opening = _WORD.match(sentence.lstrip(" \"'(“"))
-    if opening is None or opening.group() not in CHAT_STARTS:
-        return tokens
-    colon = next((i for i, t in enumerate(tokens) if t.kind is Kind.STOP and t.value == ":"), None)
-    remark = tokens[:colon] if colon is not None else tokens
-    if any(t.kind in (*_NAMES, Kind.NOT) for t in remark) or (colon is None and not first):
-        return tokens
-    return tokens[colon + 1 :] if colon is not None else []
-
-
-def _with_hint(word: str) -> str:
-    near = nearest_names(word[:40], [" ".join(words) for words in known_nouns()], 1)
-    return f"{word[:40]!r} (did you mean {near[0]!r}?)" if near else repr(word[:40])
-
-
-def _sentence(sentence: str) -> Iterator[Token]:
-    pieces = [_Piece(m.group(), m.start(), m.end()) for m in _WORD.finditer(sentence)]
-    strange = re.sub(r"[\s,;:()\"'“”—–-]", "", _WORD.sub("", sentence))
-    if strange:
-        raise Abstention("not_text", f"cannot read {strange[:20]!r}")
-    position, last_end, led = 0, 0, False
-    while position < len(pieces):
-        for mark in _MARK.findall(sentence[last_end : pieces[position].start]):
-            yield Token(Kind.COMMA if mark in ",()" else Kind.STOP, mark.strip(), mark, "", last_end, last_end)
-        count, token = _longest(pieces, position, sentence, led=led)
-        if token.kind is not Kind.FILLER:
-            led = token.kind in (Kind.DETERMINER, Kind.ADJECTIVE, Kind.ROOM, Kind.QUANTIFIER)
-            yield token._replace(start=pieces[position].start, end=pieces[position + count - 1].end)
+def _read_run(pieces: Sequence[_Piece], tokens: list[Token]) -> None:
+    """Add the tokens of words that no mark parts."""
+    position = 0
+    words = [piece.word for piece in pieces]
+    while position < len(words):
+        before = tokens[-1] if tokens and pieces[position].close else None
+        count, token = _longest(words, position, before)
+        if token is None:
+            repaired = _repair(words, position, pieces[position].name)
+            if repaired:
+                words[position : position + 1] = repaired[0]
+                first = pieces[position]
+                pieces = [*pieces[:position], *([first] * len(repaired[0])), *pieces[position + 1 :]]
+                if repaired[1]:
+                    del words[position + len(repaired[0])]
+                    pieces = [*pieces[: position + len(repaired[0])], *pieces[position + len(repaired[0]) + 1 :]]
+                count, token = _longest(words, position, before)
+        if token is None:
+            word = words[position]
+            token = Token(Kind.COUNT, word, word) if word.isdigit() else Token(Kind.UNKNOWN, word, word)
+            count = 1
+        first, last = pieces[position], pieces[position + count - 1]
+        tokens.append(token._replace(start=first.start, end=last.end, close=first.close, name=first.name))
         position += count
-        last_end = pieces[position - 1].end
 
 
-def _longest(pieces: list[_Piece], start: int, sentence: str, *, led: bool) -> tuple[int, Token]:
-    """Return how many words the longest known phrase at `start` has, and its token.
-
-    Args:
-        pieces: the words of the sentence.
-        start: index of the first word.
-        sentence: for the marks between words, which no phrase may span.
-        led: a determiner leads here, so that `watch` is a noun.
-    """
-    nouns, closed = known_nouns(), closed_words()
-    for count in range(min(_LONGEST_PHRASE, len(pieces) - start), 0, -1):
-        part = pieces[start : start + count]
-        if any(_MARK.search(sentence[a.end : b.start]) for a, b in pairwise(part)):
+def _longest(words: Sequence[str], start: int, before: Token | None) -> tuple[int, Token | None]:
+    """Return how many words the longest known phrase at `start` has, and its token."""
+    if words[start] == "'s":
+        return 1, _short_is(words, start, before)
+    for entry in _phrases().get(words[start], ()):
+        count = len(entry.words)
+        if count > 1 and tuple(words[start : start + count]) != entry.words:
             continue
-        words = tuple(p.word for p in part)
-        bare = (*words[:-1], words[-1].removesuffix("'s").removesuffix("'"))
-        noun = nouns.get(words) or nouns.get(bare)
-        if noun and words not in _NEVER_NOUNS and (led or words not in closed):
-            return count, Token(noun[0], noun[1], " ".join(words))
-        if words in closed:
-            kind, value = closed[words]
-            return count, Token(kind, value, " ".join(words), _verb_form(words) if kind is Kind.VERB else "")
-    word = pieces[start].word
-    if word.isdigit():
-        return 1, Token(Kind.DETERMINER if word == "1" else Kind.COUNT, "", word)
-    return 1, Token(Kind.UNKNOWN, word, word)
+        if entry.noun is not None and entry.closed is None and only_led(entry.words) and not _led(before):
+            return count, Token(Kind.FILLER, "", " ".join(entry.words))
+        if entry.noun is None or entry.closed is None:
+            return count, entry.noun or entry.closed
+        return count, entry.noun if _is_noun(words, start + count, entry, before) else entry.closed
+    return 0, None
+
+
+def _led(before: Token | None) -> bool:
+    return before is not None and before.kind in _ARGUMENT
+
+
+def _is_noun(words: Sequence[str], after: int, entry: _Entry, before: Token | None) -> bool:
+    """Return whether a word that may be a noun or do something (`watch`, `can`, `light`) is a noun here."""
+    assert entry.closed is not None
+    following = words[after] if after < len(words) else ""
+    if entry.words in (("lights",), ("light",)) and following in ("on", "off", "out", "needs", "should", "is"):
+        return True  # lights on
+    if before is None:
+        return False
+    if before.kind is Kind.DETERMINER and before.text in ("that", "this", "its") and entry.closed.kind is not Kind.VERB:
+        return False
+    if entry.closed.kind is Kind.VERB and before.kind in _ARGUMENT and before.value != "to":
+        return not (before.kind is Kind.VERB and entry.closed.form != "base")
+    return before.kind in _LEADS
+
+
+def _short_is(words: Sequence[str], start: int, before: Token | None) -> Token:
+    """Return what `'s` does: `the mug's on the desk`, `the mug's handle`."""
+    following = words[start + 1] if start + 1 < len(words) else ""
+    entry = next(iter(_phrases().get(following, ())), None)
+    states = (Kind.PREPOSITION, Kind.NOT, Kind.ADJECTIVE, Kind.PARTICLE)
+    is_state = entry is not None and entry.closed is not None and entry.closed.kind in states and entry.noun is None
+    if is_state and before is not None and before.kind in (Kind.NOUN, Kind.PRONOUN):
+        return Token(Kind.FACT, "", "is")
+    return Token(Kind.POSSESSIVE, "", "'s")
+
+
+def _repair(words: Sequence[str], at: int, name: bool) -> tuple[list[str], bool] | None:
+    """Return the words that a word was meant to be, and whether the next one was part of it."""
+    word, following = words[at], words[at + 1] if at + 1 < len(words) else ""
+    if following and following.isalpha() and (word + following) in _phrases():
+        return [word + following], True
+    split = _speller().split(word)
+    if split:
+        return list(split), False
+    shorter = re.sub(r"(.)\1{2,}", r"\1\1", word)
+    for candidate in (shorter, re.sub(r"(.)\1+", r"\1", shorter)) if shorter != word else ():
+        if candidate in _phrases():
+            return [candidate], False
+    if is_english(word) or len(word) < 4 or word.isdigit() or name:
+        return None
+    near = _speller().nearest(word)
+    return ([near], False) if near else None
+
+
+def _told(tokens: list[Token]) -> list[Token]:
+    """Return the tokens with `Tom left` and `I put` as one that tells where something is."""
+    read: list[Token] = []
+    for token in tokens:
+        if token.kind is Kind.VERB and token.text in word_lists().lists.told and token.close:
+            back = len(read) - 1
+            while (
+                back >= 0 and read[back].kind is Kind.FILLER and read[back + 1 if back + 1 < len(read) else back].close
+            ):
+                back -= 1
+            teller = read[back] if back >= 0 else None
+            if teller is not None and _tells(teller, token, read[back - 1] if back else None):
+                relative = back > 0 and teller.close and read[back - 1].kind is Kind.NOUN
+                del read[back + 1 :]
+                kind = Kind.RELATIVE if relative else Kind.FACT
+                read[back] = teller._replace(kind=kind, value="told", text=f"{teller.text} {token.text}", end=token.end)
+                continue
+        read.append(token)
+    return read
+
+
+_PAST_ONLY = frozenset(["left", "forgot", "dropped", "abandoned", "misplaced", "stood", "hung", "hid"])
+
+
+def _tells(teller: Token, verb: Token, before: Token | None) -> bool:
+    if teller.kind is Kind.SUBJECT:
+        return True
+    person = teller.kind is Kind.UNKNOWN and (before is None or before.kind not in (Kind.NOUN, Kind.VERB))
+    return (person or teller.text in ("you", "they")) and verb.text in _PAST_ONLY

@@ -1,115 +1,34 @@
-"""Open-class words beside those of the vocabulary: synonyms, spellings, rooms by other names, and words too vague."""
+"""Noun phrases: what each names, as one category or room type, or a concept that the house settles."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from typing import NamedTuple
 
-__all__ = ["IRREGULAR_PLURALS", "ROOM_SYNONYMS", "SYNONYMS", "VAGUE"]
+from gavel_agents.understanding.rules.words import Kind, word_lists
+from gavel_env.instructions.vocabulary import default_vocabulary
+from gavel_env.world_model.concepts import default_concepts
+from gavel_env.world_model.ontology import Category, category_of, default_ontology
 
-# Nouns that people use beside those of the vocabulary -> category.
-SYNONYMS: Mapping[str, str] = {
-    "icebox": "fridge",
-    "bin": "trash_can",
-    "rubbish bin": "trash_can",
-    "waste bin": "trash_can",
-    "trashcan": "trash_can",
-    "dustbin": "trash_can",
-    "wastebasket": "trash_can",
-    "trash bin": "trash_can",
-    "settee": "sofa",
-    "laundry basket": "hamper",
-    "counter top": "countertop",
-    "worktop": "countertop",
-    "work surface": "countertop",
-    "kitchen worktop": "countertop",
-    "book shelf": "bookcase",
-    "book case": "bookcase",
-    "night stand": "nightstand",
-    "night table": "nightstand",
-    "bedside stand": "nightstand",
-    "billiard table": "pool_table",
-    "hob": "burner",
-    "stovetop": "stove",
-    "cooker": "stove",
-    "microwave oven": "microwave",
-    "dish washer": "dishwasher",
-    "tumble dryer": "clothes_dryer",
-    "tumble drier": "clothes_dryer",
-    "drier": "clothes_dryer",
-    "clothes washer": "washer",
-    "laundry machine": "washer",
-    "wall cupboard": "top_cabinet",
-    "lower cupboard": "bottom_cabinet",
-    "computer screen": "monitor",
-    "couch table": "coffee_table",
-    "coffeetable": "coffee_table",
-    "desk chair": "swivel_chair",
-    "easy chair": "armchair",
-    "arm chair": "armchair",
-    "standard lamp": "floor_lamp",
-    "desk lamp": "table_lamp",
-    "bedside lamp": "table_lamp",
-    "bath tub": "bathtub",
-    "mobile phone": "cell_phone",
-    "spectacles": "eyeglasses",
-    "pyjamas": "pajamas",
-    "pyjama": "pajamas",
-    "cooker hood": "range_hood",
-    "tin of soda": "can_of_soda",
-    "tin of dog food": "can_of_dog_food",
-    "tin of cat food": "can_of_cat_food",
-}
+__all__ = [
+    "Named",
+    "in_a_room",
+    "kinds_of",
+    "known_nouns",
+    "leads_with_room",
+    "only_led",
+    "plurals",
+    "room_named",
+    "thing_named",
+    "words_of",
+]
 
-ROOM_SYNONYMS: Mapping[str, str] = {
-    "hall": "corridor",
-    "passage": "corridor",
-    "lounge": "living_room",
-    "sitting room": "living_room",
-    "livingroom": "living_room",
-    "family room": "living_room",
-    "bath room": "bathroom",
-    "restroom": "bathroom",
-    "washroom": "bathroom",
-    "bed room": "bedroom",
-    "home office": "private_office",
-    "foyer": "entryway",
-    "entrance": "entryway",
-    "entry hall": "entryway",
-    "nursery": "childs_room",
-    "children's room": "childs_room",
-    "kids' room": "childs_room",
-    "kids room": "childs_room",
-    "childs room": "childs_room",
-    "kids' bedroom": "childs_room",
-    "child's bedroom": "childs_room",
-    "storeroom": "storage_room",
-    "store room": "storage_room",
-    "play room": "playroom",
-    "stairs": "staircase",
-    "stairway": "staircase",
-    "yard": "garden",
-    "larder": "pantry_room",
-    "supermarket": "grocery_store",
-}
-
-# Words that could mean several categories; naming one alone is refused instead of guessed.
-VAGUE: Mapping[str, tuple[str, ...]] = {
-    "table": ("breakfast_table", "coffee_table", "desk", "conference_table"),
-    "cupboard": ("bottom_cabinet", "top_cabinet"),
-    "cabinet": ("bottom_cabinet", "top_cabinet"),
-    "lamp": ("floor_lamp", "table_lamp"),
-    "light": ("floor_lamp", "table_lamp", "electric_switch"),
-    "glass": ("water_glass", "wineglass", "beer_glass"),
-    "bottle": ("water_bottle", "wine_bottle", "beer_bottle"),
-    "knife": ("table_knife", "carving_knife"),
-    "spoon": ("tablespoon", "teaspoon", "wooden_spoon"),
-    "tv": ("standing_tv", "wall_mounted_tv"),
-    "speaker": ("standing_loudspeaker", "loudspeaker"),
-    "box": ("packing_box", "toy_box"),
-    "book": ("hardback", "paperback_book"),
-}
-
-IRREGULAR_PLURALS: Mapping[str, str] = {
+_WORD = re.compile(r"[^\W_]+(?:'[^\W_]+)*'?")
+_CONTRACTED = re.compile(r"'(?=(?:s|d|m|ve|ll|re)\b)")
+_IRREGULAR: Mapping[str, str] = {
     "knife": "knives",
     "shelf": "shelves",
     "loaf": "loaves",
@@ -117,6 +36,177 @@ IRREGULAR_PLURALS: Mapping[str, str] = {
     "scarf": "scarves",
     "mouse": "mice",
     "man": "men",
-    "dish": "dishes",
     "child": "children",
 }
+
+# Of these, people who say no more mean the one that the vocabulary has; the other kinds have names of their own.
+_FIRST = frozenset({"sink", "chair", "stool"})
+_ALWAYS_FIRST = frozenset({"lower cabinet", "bottom cabinet"} | set(word_lists().nouns))
+
+# What is switched on by the switch of a room; a lamp is called a lamp.
+_SWITCHED = ("light", "ceiling light", "main light", "overhead light", "room light", "big light")
+
+_NEVER_ROOMS = frozenset({"bath", "bar", "lab", "side", "store", "toilet", "hall tree", "shower"})
+_NEVER_NOUNS = frozenset(
+    {"door", "doors", "floors", "walls", "floor", "wall", "lid", "drawer", "food", "dishes in question"}
+)
+
+
+class Named(NamedTuple):
+    """What a phrase names.
+
+    Attributes:
+        kind: `Kind.NOUN` or `Kind.ROOM`.
+        name: category or room type, or a concept.
+        exact: the category or room type for which the vocabulary of the scenes has this very noun, or nothing.
+        plural: it is the plural of a noun.
+        thing: of a room's name, the thing that it names in a house without such a room (`closet`), or nothing.
+    """
+
+    kind: Kind
+    name: str
+    exact: str = ""
+    plural: bool = False
+    thing: str = ""
+
+
+def words_of(text: str) -> tuple[str, ...]:
+    """Return the words of a phrase as tokens are compared: lower case, hyphens as spaces, `'s` apart."""
+    plain = re.sub("[‘’ʼ`´]", "'", text.lower())
+    return tuple(w.removesuffix("'") or w for w in _CONTRACTED.sub(" '", plain).split() for w in _parts(w))
+
+
+def _parts(word: str) -> list[str]:
+    return [word] if word.startswith("'") else _WORD.findall(word)
+
+
+def plurals(noun: str) -> Iterator[str]:
+    """Yield plurals of a noun; of `bottle of milk`, `bottles of milk`."""
+    head, of, rest = noun.partition(" of ")
+    before, _, last = head.rpartition(" ")
+    prefix = f"{before} " if before else ""
+    if last in _IRREGULAR:
+        yield f"{prefix}{_IRREGULAR[last]}{of}{rest}"
+    elif last.endswith(("s", "sh", "ch", "x", "z")):
+        yield f"{prefix}{last}es{of}{rest}"
+    elif last.endswith("y") and last[-2:-1] not in "aeiou":
+        yield f"{prefix}{last[:-1]}ies{of}{rest}"
+    elif last.endswith("o"):
+        yield f"{prefix}{last}es{of}{rest}"
+        yield f"{prefix}{last}s{of}{rest}"
+    else:
+        yield f"{prefix}{last}s{of}{rest}"
+
+
+def in_a_room(noun: str) -> bool:
+    """Return whether a noun says the room of another one: the garden chair is the chair in the garden."""
+    vocabulary = default_vocabulary()
+    rooms = {word for words in vocabulary.rooms.values() for word in words}
+    nouns = {word for words in vocabulary.furniture.values() for word in words.nouns}
+    return any(noun.startswith(f"{room} ") and noun.removeprefix(f"{room} ") in nouns for room in rooms)
+
+
+_ROOMS_OF_FURNITURE = ("kitchen", "bathroom", "bedroom", "living room", "dining room", "hall", "hallway", "study")
+
+
+def leads_with_room(phrase: str, thing: str) -> bool:
+    """Return whether a phrase for a piece of furniture only says the room of it: the kitchen table."""
+    fixed = not kinds_of(thing)[0].graspable
+    return fixed and any(phrase.startswith(f"{room} ") for room in _ROOMS_OF_FURNITURE)
+
+
+def _with_apostrophes(phrase: str) -> Iterator[str]:
+    """Yield a phrase of the concepts with the apostrophe that it was stripped of: `childrens room`."""
+    first, gap, rest = phrase.partition(" ")
+    if gap and first.endswith("s") and "'" not in phrase:
+        yield f"{first[:-1]}'s {rest}"
+
+
+@cache
+def known_nouns() -> Mapping[tuple[str, ...], Named]:
+    """Return every noun phrase with what it names."""
+    vocabulary, ontology, concepts = default_vocabulary(), default_ontology(), default_concepts()
+    table: dict[tuple[str, ...], Named] = {}
+    several: dict[tuple[str, ...], Named] = {}
+
+    def add(noun: str, named: Named, *, plural: bool = True) -> None:
+        if noun in _NEVER_NOUNS:
+            return
+        for spelled in (noun, *_with_apostrophes(noun)):
+            table.setdefault(words_of(spelled), named)
+        for form in plurals(noun) if plural else ():
+            for spelled in (form, *_with_apostrophes(form)):
+                several.setdefault(words_of(spelled), named._replace(plural=True))
+
+    for room, nouns in vocabulary.rooms.items():
+        for noun in nouns:
+            meant = concepts.meaning(noun)
+            add(noun.lower(), Named(Kind.ROOM, meant.place or room, room))
+    for noun, name in word_lists().rooms.items():
+        add(noun, Named(Kind.ROOM, name))
+    for noun, name in word_lists().nouns.items():
+        add(noun, Named(Kind.NOUN, name, name))
+    for noun in _SWITCHED:
+        add(noun, Named(Kind.NOUN, "electric_switch"))
+    for group in (vocabulary.movables, vocabulary.furniture):
+        for category, entry in group.items():
+            for noun in map(str.lower, entry.nouns):
+                if not in_a_room(noun):
+                    meant_thing = concepts.meaning(noun).thing or category
+                    named = Named(Kind.NOUN, meant_thing, category)
+                    add(noun, named, plural=not vocabulary.is_plural(category))
+    for phrase, place in concepts.place_words.items():
+        if phrase not in _NEVER_ROOMS:
+            add(phrase, Named(Kind.ROOM, place))
+    for phrase, thing in concepts.thing_words.items():
+        key = words_of(phrase)
+        if key in table and table[key].kind is Kind.ROOM:
+            table[key] = table[key]._replace(thing=thing)
+        elif not (in_a_room(phrase) or leads_with_room(phrase, thing)):
+            add(phrase, Named(Kind.NOUN, thing))
+    for name in ontology:
+        phrase = name.replace("_", " ")
+        if not in_a_room(phrase):
+            add(phrase, Named(Kind.NOUN, concepts.meaning(phrase).thing or name))
+    return {**several, **table}
+
+
+def only_led(words: Iterable[str]) -> bool:
+    """Return whether a phrase is a noun only after an article or the like."""
+    said = " ".join(words)
+    return said in word_lists().lists.only_led or said.removesuffix("s") in word_lists().lists.only_led
+
+
+def thing_named(named: Named, text: str, room: str | None, house: Counter[str] | None) -> str:
+    """Return the name of what a phrase for a thing designates.
+
+    What is carried about and has a name of its own is that; a piece of furniture may be any of its concept, for which
+    kinds a house has is not known. Only where people name the other kinds differently it is the first of them, unless
+    the one room that it is said to be in may have just another.
+
+    Args:
+        named: what the phrase can name.
+        text: the phrase.
+        room: said with it, or None.
+        house: how many rooms of each type the house has, or None if it is not known.
+    """
+    if not named.exact or named.kind is Kind.ROOM:
+        return named.thing or named.name
+    first = text in _FIRST and (room is None or house is None or house[room] != 1)
+    if house is None or first or text in _ALWAYS_FIRST or kinds_of(named.exact)[0].graspable:
+        return named.exact
+    return named.name
+
+
+def room_named(named: Named, house: Counter[str] | None) -> str:
+    """Return the room type, or the concept of several, that a room's name comes to in a house."""
+    if house is None:
+        return named.exact or named.name
+    return default_concepts().narrow_room(named.name, house)
+
+
+@cache
+def kinds_of(name: str) -> tuple[Category, ...]:
+    """Return the categories that a designator's name stands for."""
+    names = default_concepts().categories(category_of(name))
+    return tuple(default_ontology()[category] for category in names)

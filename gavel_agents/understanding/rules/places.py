@@ -7,9 +7,18 @@ from typing import NamedTuple
 from gavel_agents.understanding.interface import Abstention
 from gavel_agents.understanding.rules.elements import Entity, Room
 from gavel_env.world_model.goals import Predicate
-from gavel_env.world_model.ontology import default_ontology
+from gavel_env.world_model.ontology import Category
 
-__all__ = ["Relation", "can_run", "destination", "flag_of", "process_flag", "stated_location"]
+__all__ = [
+    "Relation",
+    "can_become",
+    "can_run",
+    "destination",
+    "says_where",
+    "flag_of",
+    "process_flag",
+    "stated_location",
+]
 
 _FLAGS = {
     "HEAT": Predicate.COOKED,
@@ -34,7 +43,7 @@ def flag_of(verb: str) -> Predicate | None:
 
 def process_flag(entity: Entity) -> Predicate | None:
     """Return what an appliance makes of what is in or on it."""
-    category = default_ontology()[entity.category]
+    category = entity.kinds[0]
     if category.washes:
         return Predicate.WASHED
     if category.dries:
@@ -44,9 +53,19 @@ def process_flag(entity: Entity) -> Predicate | None:
     return Predicate.FROZEN if category.cold is not None and category.cold.freezes else None
 
 
+def can_become(category: Category, state: Predicate) -> bool:
+    """Return whether things of a category are what people would have cooked, washed or dried."""
+    return state in (Predicate.WASHED, Predicate.DRIED) or (state is Predicate.COOKED and category.cookable)
+
+
+def says_where(preposition: str) -> bool:
+    """Return whether a preposition says where something is or goes: not `of`, `for`, `with`."""
+    return preposition in (*_PLAIN, "from", "to", "out", "off", "arrow", "at", "where")
+
+
 def can_run(entity: Entity) -> bool:
     """Return whether it has a switch."""
-    return default_ontology()[entity.category].toggleable
+    return any(kind.toggleable for kind in entity.kinds)
 
 
 def stated_location(preposition: str, target: Entity | Room) -> Relation:
@@ -61,7 +80,7 @@ def stated_location(preposition: str, target: Entity | Room) -> Relation:
         return Relation(Predicate.ON_TOP, target)
     if preposition == "out":
         return Relation(Predicate.INSIDE, target)
-    if preposition in ("from", "to"):
+    if preposition in ("from", "to", "arrow", "at"):
         return Relation(_usual(target), target)
     return _checked(preposition, target)
 
@@ -74,17 +93,17 @@ def destination(preposition: str, target: Entity | Room) -> Relation:
     """
     if isinstance(target, Room):
         return Relation(Predicate.IN_ROOM, target)
-    if preposition == "to":
+    if preposition in ("to", "arrow", "at"):
         return Relation(_usual(target), target)
     return _checked(preposition, target)
 
 
 def _usual(target: Entity) -> Predicate:
-    category = default_ontology()[target.category]
-    if category.interior and not category.graspable:
+    first = target.kinds[0]
+    if first.interior and not first.graspable:
         return Predicate.INSIDE
-    if not category.surface and not category.interior:
-        raise Abstention("cannot_hold", f"nothing can be put on or in {target.category.replace('_', ' ')!r}")
+    if not first.surface and not first.interior:
+        raise _cannot_hold(target)
     return Predicate.ON_TOP
 
 
@@ -93,11 +112,17 @@ def _checked(preposition: str, target: Entity) -> Relation:
     predicate = _PLAIN.get(preposition)
     if predicate is None:
         raise Abstention("unparsed", f"{preposition!r} does not say where")
-    category = default_ontology()[target.category]
-    if predicate is Predicate.INSIDE and not category.interior and category.surface:
+    surface = any(kind.surface for kind in target.kinds)
+    interior = any(kind.interior for kind in target.kinds)
+    if predicate is Predicate.INSIDE and not interior and surface:
         predicate = Predicate.ON_TOP
-    if predicate is Predicate.ON_TOP and not category.surface and category.interior:
+    if predicate is Predicate.ON_TOP and not surface and interior:
         predicate = Predicate.INSIDE
-    if predicate in (Predicate.INSIDE, Predicate.ON_TOP) and not (category.interior or category.surface):
-        raise Abstention("cannot_hold", f"nothing can be put on or in {target.category.replace('_', ' ')!r}")
+    if predicate in (Predicate.INSIDE, Predicate.ON_TOP) and not (interior or surface):
+        raise _cannot_hold(target)
     return Relation(predicate, target)
+
+
+def _cannot_hold(target: Entity) -> Abstention:
+    words = target.category.removeprefix("any_").replace("_", " ")
+    return Abstention("cannot_hold", f"nothing can be put on or in {words!r}")

@@ -31,10 +31,12 @@ class Sentence:
         text: as it was written.
         acts: of its frames.
         opened: something that asks for nothing led to it (`A few things to do: …`).
+        offset: where it starts in the text, to which the places of its frames refer.
     """
 
     text: str
     opened: bool = False
+    offset: int = 0
     acts: list[Act] = field(default_factory=list)
 
 
@@ -100,7 +102,7 @@ def _worded(sentence: Sentence) -> list[_Unit]:
     """Return the units of a sentence, each with its own part of it as its text."""
     units, start = list(_units(sentence)), 0
     for unit in units:
-        end = unit.acts[-1].frame.end if unit is not units[-1] else len(sentence.text)
+        end = unit.acts[-1].frame.end - sentence.offset if unit is not units[-1] else len(sentence.text)
         words = _LEADING.sub("", sentence.text[start:end]).strip(" ,;:")
         unit.text = words[:1].upper() + words[1:] + "."
         start = end

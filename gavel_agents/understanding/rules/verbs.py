@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from gavel_agents.understanding.interface import Abstention
+from gavel_agents.understanding.interface import Abstention, Question
 from gavel_agents.understanding.rules.appliances import about_doors, door, process, run, switched, use
-from gavel_agents.understanding.rules.discourse import Act, Discourse, movables, said
-from gavel_agents.understanding.rules.elements import Cycle, Entity, Frame, Part, Phrase, Pronoun, Room, There
-from gavel_agents.understanding.rules.groups import Group, grouped, locate, place
-from gavel_agents.understanding.rules.verb_words import verb_forms
+from gavel_agents.understanding.rules.discourse import Act, Discourse, designator_of, movables, said
+from gavel_agents.understanding.rules.elements import Cycle, Entity, Frame, Part, Phrase, Pronoun, Room, There, Unknown
+from gavel_agents.understanding.rules.english import could_name
+from gavel_agents.understanding.rules.groups import Group, grouped, locate, locates, place
+from gavel_agents.understanding.rules.places import can_become, can_run, process_flag
+from gavel_agents.understanding.rules.questions import asked_instead, asked_meaning, asked_where
+from gavel_agents.understanding.rules.words import verb_forms
+from gavel_env.world_model.goals import Literal
 
 __all__ = ["read_frame"]
 
 _TAKING = ("MOVE", "HEAT", "WASH", "DRY", "GET", "USE")
+_ORDERS = ("MOVE", "FILL", "HEAT", "WASH", "DRY", "FREEZE", "RUN", "SWITCH", "OPEN", "CLOSE", "SWAP", "USE", "GIVE")
 _SEARCHING = frozenset(
     form for verb in ("find", "locate", "track", "look", "search", "hunt", "seek") for form in verb_forms(verb)
 )
@@ -33,12 +38,103 @@ def read_frame(discourse: Discourse, frame: Frame, following: Frame | None) -> A
     act = Act(frame)
     discourse.following = following
     discourse.name(act)
-    if frame.negated and frame.mood != "fact" and frame.verb not in ("OPEN", "CLOSE") and not about_doors(frame):
-        raise Abstention("negation", f"{frame.word or 'something'!r} shall not be: cannot be said as a goal")
     discourse.acts.append(act)
+    parked = discourse.swapped and (frame.meantime or frame.verb == "USE" or frame.word.startswith("park"))
+    if frame.aside or parked or (frame.negated and not _about_states(frame)):
+        _remark(discourse, act)
+        return act
+    _check_known(frame)
+    if frame.heading and frame.of(Pronoun) and not discourse.known:
+        frame.elements[:] = [e for e in frame.elements if not isinstance(e, Pronoun)]  # all of this goes there: …
+    if frame.heading and _leads(discourse, frame):
+        return act
+    if not frame.verb and discourse.heading and movables(frame.elements) and not frame.of(Phrase):
+        frame.verb, frame.word = discourse.heading, discourse.heading.lower()
     _READ[frame.verb](discourse, act)
     discourse.settle(frame)
     return act
+
+
+def _about_states(frame: Frame) -> bool:
+    """Return whether a negation says how something is left: `don't leave the fridge open`, `isn't on the desk`."""
+    lit = any(isinstance(e, Part) and e.word in ("on", "off") for e in frame.elements)
+    return frame.mood == "fact" or frame.verb in ("OPEN", "CLOSE") or about_doors(frame) or lit
+
+
+def _remark(discourse: Discourse, act: Act) -> None:
+    """Read what asks for nothing: it may say where a thing is, and what `it` will be."""
+    frame = act.frame
+    act.passed = True
+    named = movables(frame.elements)
+    placed = any(isinstance(e, Phrase) and isinstance(e.target, Entity) and not locates(e) for e in frame.elements)
+    if frame.speaker and placed and (named or frame.of(Pronoun)) and not frame.verb and frame.mood == "do":
+        raise asked_instead("unparsed", "this may ask for something that is not understood")
+    if frame.mood == "fact" and not frame.negated and named:
+        for element in frame.elements:
+            if (
+                isinstance(element, Phrase)
+                and element.preposition in ("on", "in", "at")
+                and frame.of(Phrase) == [element]
+            ):
+                _be(discourse, act)
+    if named and not discourse.focus and not frame.negated:
+        discourse.focus = named
+
+
+def _check_known(frame: Frame) -> None:
+    """Refuse an order that names an unknown thing or act.
+
+    Raises:
+        Abstention: `unknown_word`.
+    """
+    if frame.verb == "UNKNOWN":
+        if frame.of(Entity) or frame.of(Phrase) or frame.of(Unknown):
+            raise asked_meaning(frame.word)
+        frame.verb = ""
+    if frame.mood == "fact" or frame.told:
+        return
+    for element in frame.elements:
+        target = element.target if isinstance(element, Phrase) else element
+        if not isinstance(target, Unknown) or not could_name(target.words):
+            continue
+        if target.words in ("floor", "ground"):
+            if (
+                isinstance(element, Phrase)
+                and element.preposition == "on"
+                and not frame.of(Room)
+                and not _in_a_room(frame)
+            ):
+                raise Abstention("no_destination", "on the floor of which room?", _FLOOR_QUESTION)
+            continue
+        places = ("on", "in", "to", "from", "out", "off", "arrow", "under", "beside")
+        if isinstance(element, Phrase) and element.preposition not in places:
+            continue
+        if frame.verb in _ORDERS or frame.of(Entity) or frame.of(Pronoun):
+            raise asked_meaning(target.words)
+
+
+_FLOOR_QUESTION = Question("word:floor", "On the floor of which room?", "floor")
+
+
+def _in_a_room(frame: Frame) -> bool:
+    return any(isinstance(e, Phrase) and isinstance(e.target, Room) for e in frame.elements)
+
+
+def _leads(discourse: Discourse, frame: Frame) -> bool:
+    """Read a heading: `desk: …` says where what follows goes, `wash: …` what is done with it."""
+    pieces = [e for e in frame.elements if isinstance(e, Entity)]
+    phrases = [e for e in frame.elements if isinstance(e, Phrase)]
+    discourse.heading = ""
+    if frame.verb in ("WASH", "DRY", "HEAT", "OPEN", "CLOSE", "RUN") and not pieces and not phrases:
+        discourse.heading = frame.verb
+        return True
+    if not frame.verb and len(pieces) == 1 and not pieces[0].movable and not phrases:
+        discourse.offered = Phrase("to", pieces[0])
+        return True
+    if not frame.verb and not pieces and len(phrases) == 1 and not locates(phrases[0]):
+        discourse.offered = phrases[0]
+        return True
+    return False
 
 
 def _move(discourse: Discourse, act: Act) -> None:
@@ -48,11 +144,27 @@ def _move(discourse: Discourse, act: Act) -> None:
         return
     if switched(discourse, act) or about_doors(frame):
         return
+    if frame.of(Pronoun) and not frame.of(Phrase) and _turned(discourse, frame):
+        run(discourse, act)  # set it going
+        return
     furniture = [e for e in frame.elements if isinstance(e, Entity) and not e.movable]
-    if furniture and not movables(frame.elements):
+    if furniture and not movables(frame.elements) and frame.word.startswith(("leave", "left", "leaving")):
+        act.passed = True  # leave the bookcase alone
+        return
+    if furniture and not movables(frame.elements) and not frame.of(Pronoun):
+        if not frame.verb and not frame.of(Phrase):
+            _run_alone(discourse, act, furniture)
+            discourse.places.extend(furniture)  # "The fridge. Put the milk in it."
+            return
         raise Abstention("cannot_move", f"{said(furniture[0])!r} is not carried about")
+    if not frame.verb and not movables(frame.elements) and not frame.of(Pronoun) and _only_rooms(frame):
+        act.passed = True  # "… The study or the playroom, whichever."
+        return
     leading, groups = grouped(discourse, act)
     things = discourse.things(act)
+    if any(isinstance(e, Part) and e.word == "back" for e in frame.elements) and not any(g.going for g in groups):
+        _put_back(discourse, act, groups, things)
+        return
     if groups and not groups[0].things:
         groups[0].things = list(things)
     if discourse.instrument and any(isinstance(e, Part) and e.word == "in" for e in frame.elements):
@@ -64,6 +176,47 @@ def _move(discourse: Discourse, act: Act) -> None:
             return
         raise Abstention("no_antecedent", f"what shall be {frame.word or 'moved'}?")
     place(discourse, act, leading, groups)
+
+
+def _only_rooms(frame: Frame) -> bool:
+    phrases = [e for e in frame.elements if isinstance(e, Phrase)]
+    return bool(phrases) and all(isinstance(p.target, Room) and not p.directional for p in phrases)
+
+
+def _run_alone(discourse: Discourse, act: Act, pieces: list[Entity]) -> None:
+    """Read `The knife is filthy. Dishwasher!`: a machine alone does its work on what was spoken of."""
+    does = process_flag(pieces[0])
+    if does is None or not discourse.focus or any(t in discourse.wished for t in discourse.focus):
+        return
+    if all(any(can_become(kind, does) for kind in thing.kinds) for thing in discourse.focus):
+        discourse.used.add(pieces[0])
+        discourse.instrument = pieces[0]
+        act.things = list(discourse.focus)
+        act.goals.extend(Literal(does, designator_of(thing)) for thing in act.things)
+
+
+def _turned(discourse: Discourse, frame: Frame) -> bool:
+    """Return whether a clause switches what was spoken of last: `set it going`, `put it out`."""
+    parts = {e.word for e in frame.elements if isinstance(e, Part)}
+    last = discourse.places[-1] if discourse.places else None
+    return bool(parts & {"on", "off"}) or ("out" in parts and last is not None and can_run(last))
+
+
+def _put_back(discourse: Discourse, act: Act, groups: list[Group], things: list[Entity]) -> None:
+    """Read `put it back`: where it was said to be.
+
+    Raises:
+        Abstention: nothing says where that is.
+    """
+    for group in groups:
+        for phrase, owner in group.phrases:
+            locate(discourse, act, group, phrase, owner)
+    act.things = things
+    for thing in things:
+        if thing not in discourse.first:
+            raise asked_where(thing)
+        discourse.returned.add(thing.category)
+        discourse.put(act, thing, discourse.first[thing])
 
 
 def _through(frame: Frame) -> bool:
@@ -91,16 +244,15 @@ def _be(discourse: Discourse, act: Act) -> None:
 
 
 def _furniture_is(discourse: Discourse, act: Act, piece: Entity) -> None:
-    """Read `the desk is in the study`: its later mentions mean that one.
-
-    Raises:
-        Abstention: it is said to be anywhere but in a room.
-    """
+    """Read `the desk is in the study`: its later mentions mean that one; what else is told of it asks for nothing."""
+    discourse.used.add(piece)
     for phrase in act.frame.elements:
-        if isinstance(phrase, Phrase):
-            if not isinstance(phrase.target, Room):
-                raise Abstention("unparsed", f"where {said(piece)!r} is can only be said as a room")
-            discourse.places.append(piece._replace(room=phrase.target.type))
+        if isinstance(phrase, Phrase) and phrase.preposition in ("in", "on") and isinstance(phrase.target, Entity):
+            raise Abstention("unparsed", f"where the {said(piece)} is can only be said as a room")
+        if isinstance(phrase, Phrase) and isinstance(phrase.target, Room) and piece.room is None:
+            named = piece._replace(room=phrase.target.type)
+            discourse.places.append(named)
+            discourse.used.add(named)
 
 
 def _get(discourse: Discourse, act: Act) -> None:
@@ -120,11 +272,14 @@ def _get(discourse: Discourse, act: Act) -> None:
         and not movables(following.elements)
         and any(isinstance(e, Pronoun | Phrase) for e in following.elements)
     )
+    if not act.frame.of(Phrase):
+        discourse.fetched.update(movables(act.frame.elements))
     if act.frame.of(Cycle) or not (taken or act.frame.word.partition(" ")[0] in _SEARCHING):
         _move(discourse, act)
         return
     leading, groups = grouped(discourse, act)
     things = discourse.things(act)
+    discourse.fetched.update(things)
     for group in groups:
         for phrase, owner in group.phrases if group.things else ():
             locate(discourse, act, group, phrase, owner)
@@ -187,7 +342,15 @@ def _swap(discourse: Discourse, act: Act) -> None:
             things.append(entity)
         elif isinstance(element, Phrase) and things:
             discourse.state(act, things[-1], element)
+    if not things and act.frame.heading:
+        act.passed = True  # swap these: …
+        return
+    if sum(isinstance(e, Phrase) and e.directional for e in act.frame.elements) > 1:
+        act.frame.verb = "MOVE"
+        _move(discourse, act)
+        return
     act.things = things or list(discourse.focus)
+    discourse.swapped = True
     if len(act.things) != 2:
         raise Abstention("unparsed", f"a swap is between two things, not {len(act.things)}")
     for thing, other in (act.things, act.things[::-1]):
@@ -198,7 +361,8 @@ def _swap(discourse: Discourse, act: Act) -> None:
 
 def _same(discourse: Discourse, act: Act) -> None:
     """Read `do the same for the fork`."""
-    things = movables(act.frame.elements)
+    things = movables(act.frame.elements) or [e for e in discourse.focus if e not in discourse.wished]
+    act.things = things
     if not things or not discourse.wished:
         raise Abstention("no_antecedent", "nothing was done before that could be done again")
     relation = list(discourse.wished.values())[-1]
