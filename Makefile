@@ -1,10 +1,11 @@
 # Every target sets up what it needs. `make eval` and `make test` work on a machine with Python 3.11, pip and make.
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 WORKERS ?= 2
+FLOOR ?= 90
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: eval test test-slow lint format bench docs pictures wheel clean
+.PHONY: eval test test-slow coverage lint format bench docs pictures wheel clean
 .DEFAULT_GOAL := eval
 
 $(BIN)/python:
@@ -57,7 +58,13 @@ test-slow: $(VENV)/.installed-dev
 lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
+	@$(BIN)/codespell
 	@$(BIN)/mypy
+
+# Branch coverage of the parts that the rest stands on.
+coverage: $(VENV)/.installed-dev
+	@$(BIN)/python -m pytest -q -n $(WORKERS) --cov --cov-fail-under=$(FLOOR) \
+		tests/world_model tests/edits tests/beliefs tests/ordering tests/agents tests/proposing
 
 format: $(VENV)/.installed-dev
 	@$(BIN)/ruff check --fix .

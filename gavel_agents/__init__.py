@@ -19,6 +19,7 @@ from gavel_env.errors import AgentNameTaken, BadOption, UnknownAgent, UnknownOpt
 if TYPE_CHECKING:
     from gavel_agents.beliefs.belief import Prior, load_prior
     from gavel_agents.llm import ChatModel, load_model
+    from gavel_agents.methods import Cost
     from gavel_agents.understanding import Understanding, load_understanding
     from gavel_agents.verification import Verified
     from gavel_env.instructions.record import Instruction
@@ -93,6 +94,7 @@ def make(
     profile: Profile | str = "paper",
     ontology: Ontology | None = None,
     on_surprise: Literal["stop", "next"] = "next",
+    cost: Cost | None = None,
     coverage_width_m: float | None = None,
     seed: int | None = None,
     model: ChatModel | None = None,
@@ -110,8 +112,10 @@ def make(
         profile: rules profile, `paper` or `omnigibson`.
         ontology: affordances; default the shipped ones.
         on_surprise: when something is not where it was said to be, try the "next" piece that fits, or "stop".
-        coverage_width_m: w_cov of the cost model, metres; default as measured on the executor (the paper's is 1.2).
-        seed: of the model's sampling, if it samples.
+        cost: what orders are compared by: `paper` (J as printed), `carried` (J of rollouts that carry what they have
+            searched) or `simulated` (worlds drawn from the belief); default the method's own.
+        coverage_width_m: w_cov of J, metres; default 1.2 with the paper's cost, else as measured on the executor.
+        seed: of the model's sampling, if it samples, and of simulated worlds.
         model: older name of `planner`.
         others: options of agents that are registered; built-in agents have no others.
 
@@ -130,6 +134,7 @@ def make(
         "profile": profile,
         "ontology": ontology,
         "on_surprise": on_surprise,
+        "cost": cost,
         "coverage_width_m": coverage_width_m,
         "seed": seed,
     }
@@ -175,17 +180,16 @@ def _planning_agent(
     prior: Prior | str,
     profile: Profile | str,
     on_surprise: str,
-    coverage_width_m: float | None,
+    cost: str | None,
     **options: Any,
 ) -> Agent:
     from gavel_agents.beliefs.belief import load_prior
     from gavel_agents.llm import load_model
     from gavel_agents.methods import METHODS
-    from gavel_agents.ordering.cost import COVERAGE_WIDTH_M
     from gavel_agents.pipeline import PlanningAgent
     from gavel_env.world_model.dynamics import Profile
 
-    config = METHODS[name]
+    config = METHODS[name].with_cost(name, cost)
     if isinstance(planner, str):
         planner = load_model(planner)
     if config.source == "classical":
@@ -208,7 +212,6 @@ def _planning_agent(
         prior=load_prior(prior) if isinstance(prior, str) else prior,
         profile=Profile(profile),
         on_surprise="next" if on_surprise == "next" else "stop",
-        coverage_width_m=COVERAGE_WIDTH_M if coverage_width_m is None else coverage_width_m,
         **options,
     )
 

@@ -7,7 +7,7 @@ that has the pie, not the nearest one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from gavel_env.exchange import EnvAction, Observed
@@ -138,9 +138,19 @@ class Binder:
                 break
             self.bound[holder] = real_holder
 
+    def designator(self, node: str, believed: SceneGraph) -> str:
+        """Return what the environment calls a node that is not bound: its designator, or the category of its id."""
+        return believed.category(node).name if _names_an_instance(node, believed) else node
+
     def destination(self, node: str, believed: SceneGraph, observed: Observed) -> str | None:
         """Return the observed instance that going to `node` would go to, or None if it would be searched."""
         return self.bound.get(node) or self._choose(self._sought(node, believed), believed, observed, near_first=False)
+
+    def destinations(self, node: str, believed: SceneGraph, observed: Observed) -> Sequence[str]:
+        """Return every observed instance that going to `node` may come to; none if it would be searched."""
+        if node in self.bound:
+            return (self.bound[node],)
+        return self._fitting(self._sought(node, believed), believed, observed)
 
     def _sought(self, node: str, believed: SceneGraph) -> str:
         """Return what going to `node` means going to: its first expected unbound contents, if it stands open."""
@@ -151,17 +161,19 @@ class Binder:
 
     def _choose(self, node: str, believed: SceneGraph, observed: Observed, *, near_first: bool) -> str | None:
         """Return the observed instance for a node: what it is said to be in or on, then near, then the nearest."""
-        taken = () if believed.world.nodes[node].fixed else tuple(self.bound.values())
-        found = [i for i in self.candidates(node, believed, observed) if i not in taken]
-        if not found:
-            return None
-        support = believed.supports.get(node)
-        if support is not None and support.relation <= Relation.INSIDE and support.holder in self.bound:
-            there = [i for i in found if observed.graph.contains(self.bound[support.holder], i)]
-            found = there or found
+        found = self._fitting(node, believed, observed)
         if near_first:
             found = [i for i in found if i in observed.graph.near] or found
-        return min(found, key=lambda i: (_distance_m(observed, i), i))
+        return min(found, key=lambda i: (_distance_m(observed, i), i), default=None)
+
+    def _fitting(self, node: str, believed: SceneGraph, observed: Observed) -> list[str]:
+        """Return the observed instances for a node, of them those that are in or on what it is said to be in or on."""
+        taken = () if believed.world.nodes[node].fixed else tuple(self.bound.values())
+        found = [i for i in self.candidates(node, believed, observed) if i not in taken]
+        support = believed.supports.get(node)
+        if support is not None and support.relation <= Relation.INSIDE and support.holder in self.bound:
+            return [i for i in found if observed.graph.contains(self.bound[support.holder], i)] or found
+        return found
 
     def candidates(self, node: str, believed: SceneGraph, observed: Observed) -> Iterator[str]:
         """Yield the observed instances that fit a node's designator."""

@@ -6,7 +6,9 @@ designators to what is observed -> update the belief -> order again.
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
 import msgspec
@@ -21,8 +23,11 @@ from gavel_agents.binding import Binder
 from gavel_agents.edits.repair import repair
 from gavel_agents.llm import ChatModel
 from gavel_agents.methods import MethodConfig
-from gavel_agents.ordering.cost import COVERAGE_WIDTH_M, Place, TravelModel
+from gavel_agents.ordering.cost import Place, TravelModel, travel_model
+from gavel_agents.ordering.decision import Candidate, ranked_orders, returning_search, shortlist
+from gavel_agents.ordering.knowledge import Knowledge, knowledge, localised
 from gavel_agents.ordering.order import expected_costs, orderings
+from gavel_agents.ordering.simulator import Simulator
 from gavel_agents.proposing.proposals import Planned, Problem, edited_plans, proposed_plans
 from gavel_agents.understanding import TaskUnderstanding, Understanding
 from gavel_env.exchange import EnvAction, Observed
@@ -53,7 +58,7 @@ class PlanningAgent:
         profile: Profile = Profile.PAPER,
         ontology: Ontology | None = None,
         on_surprise: Literal["stop", "next"] = "next",
-        coverage_width_m: float = COVERAGE_WIDTH_M,
+        coverage_width_m: float | None = None,
         seed: int | None = None,
     ) -> None:
         """Configure the pipeline.
@@ -68,8 +73,8 @@ class PlanningAgent:
             ontology: affordances (default: the shipped ones).
             on_surprise: what to do when something is not in the piece where it was said to be: close that piece and try
                 the "next" one that fits what was said, or "stop".
-            coverage_width_m: w_cov of the cost model (default: as measured on the executor; the paper's is 1.2 m).
-            seed: of the model's sampling, if it samples.
+            coverage_width_m: w_cov of J (default: 1.2 m with the paper's cost, else as measured on the executor).
+            seed: of the model's sampling, if it samples, and of simulated worlds.
         """
         self.name = name
         self.config = config
@@ -83,6 +88,7 @@ class PlanningAgent:
         self._seed = seed
         self._ontology = ontology or default_ontology()
         self._travel: TravelModel | None = None
+        self._simulator: Simulator | None = None
 
     # --- lines 1-18: understand and plan ---------------------------------------------------------------------------
 
@@ -96,8 +102,11 @@ class PlanningAgent:
         self._sent: Action | None = None
         self._order: list[int] = []
         self._remaining: list[int] = []
+        self._begun = self._committed = self._returning = False
         if self._travel is None or self._travel.layout is not observed.layout:
-            self._travel = TravelModel(observed.layout, self._coverage_width_m)
+            self._travel = travel_model(observed.layout, self.config.cost, self._coverage_width_m)
+            simulates = self.config.cost == "simulated"
+            self._simulator = Simulator(observed.layout, self._seed or 0) if simulates else None
         with stage(self.trace, "understand"):
             understood = self._understanding.understand(observed.instruction, rooms=observed.graph.world.rooms)
         if understood.asked is not None:  # perhaps of an earlier episode with the same text
@@ -156,7 +165,9 @@ class PlanningAgent:
             if observed.outcome != "ok":
                 self.trace.stopped = f"{self._sent} was refused: {observed.outcome}"
                 return None
-            if not self._take_in(self._sent, observed):
+            if self._returning and observed.reached is None:
+                self._come_back(self._sent, observed)
+            elif not self._take_in(self._sent, observed):
                 self._running.appendleft(self._sent)
             self._sent = None
         while True:
@@ -168,21 +179,28 @@ class PlanningAgent:
             if not self._is_needless(action, observed):
                 break
         self._sent = action
+        self._returning = False
         if self._on_surprise == "next":
             surprise = self._binder.surprise(action, self._graph, observed)
             if surprise is not None and not surprise.elsewhere:
                 return self._try_next(surprise.holder, observed)
             if surprise is not None:
                 self._sent = self._go_elsewhere(action, surprise.holder, observed)
-        return self._binder.send(self._sent, self._graph, observed, self._belief.priors())
+        sent = self._binder.send(self._sent, self._graph, observed, self._belief.priors())
+        goes = sent.primitive is Primitive.NAVIGATE_TO
+        self._committed = self._committed or not goes
+        searches = goes and self._sent.target in self._belief and sent.target not in observed.graph.world.nodes
+        self._returning = searches and self.config.rooms == "simulated"
+        return self._returning_search(sent, observed) if self._returning else sent
 
     def _begin_task(self, observed: Observed) -> None:
-        if self.config.order == "every_task" and self.trace.order:
+        if self.config.order == "every_task" and self._begun:
             self._order = self._reorder(observed)
         task = self._order.pop(0)
         self._remaining.remove(task)
         self.trace.order.append(task)
         self._running.extend(self._planned.plans[task])
+        self._begun, self._committed = True, False
         if self._unsettled:
             self._adapt()
 
@@ -197,6 +215,39 @@ class PlanningAgent:
         self._shut_early.add(holder)
         self._running.appendleft(going)
         return Action(Primitive.CLOSE, holder)
+
+    # --- gavel-plus: searches that come back to be decided again ---------------------------------------------------
+
+    def _returning_search(self, search: EnvAction, observed: Observed) -> EnvAction:
+        """Return a search that comes back; unless its task has changed the world, also for what other tasks want."""
+        assert self._sent is not None
+        assert self._simulator is not None
+        with stage(self.trace, "order"):
+            known = self._knowledge(observed)
+            others = [self._planned.plans[i] for i in self._order]
+            steps = () if self._committed else itertools.chain(*others)
+            wanted = {
+                self._binder.designator(step.target, self._graph)
+                for step in steps
+                if step.primitive is Primitive.NAVIGATE_TO and step.target and not known.where.get(step.target, "?")
+            }
+            plans = [[self._sent, *self._running], *others]
+            return returning_search(self._simulator, known, search, plans, sorted(wanted))
+
+    def _come_back(self, action: Action, observed: Observed) -> None:
+        """Take in what was seen on the way; unless the task has changed the world already, any task may come next."""
+        self._graph = msgspec.structs.replace(self._graph, robot_room=observed.graph.robot_room)
+        self._belief = self._belief.update(self._graph, observed, self._binder.bound)
+        self._running.appendleft(action)
+        if not self._committed:
+            task = self.trace.order.pop()
+            self._running.clear()
+            self._remaining = sorted([*self._remaining, task])
+            self._order.insert(0, task)
+
+    def _knowledge(self, observed: Observed) -> Knowledge:
+        belief = self._belief.collapsed() if self.config.belief == "argmax" else self._belief
+        return knowledge(self._graph, belief, self._binder, observed)
 
     def _try_next(self, holder: str, observed: Observed) -> EnvAction:
         """Leave a piece that does not hold what was said, and plan to try the next one that fits."""
@@ -282,23 +333,31 @@ class PlanningAgent:
             tasks = list(self._remaining)
             if len(tasks) < 2 and self.trace.expected_m is not None:
                 return tasks
-            beliefs, cells = self._cost_view(observed)
             plans = [self._planned.plans[i] for i in tasks]
-            assert self._travel is not None
-            costs = expected_costs(self._travel, plans, self._place(observed), beliefs, cells)
+            candidates = self._candidates(plans, observed)
             goal = _union([self._tasks[i] for i in tasks])
 
-            def passes(order: tuple[int, ...]) -> bool:
-                joined: Plan = tuple(action for j in order for action in plans[j])
+            def passes(candidate: Candidate) -> bool:
+                joined: Plan = tuple(action for j in candidate.order for action in plans[j])
                 return validate(self._graph, joined, goal, profile=self._profile).valid
 
-            cheapest = next(orderings(costs))
+            cheapest = next(candidates)
             # A plan that is invalid alone is invalid in every order: then nothing is to be gained by trying them.
             sound = all(self._planned.verdicts[i].valid for i in tasks)
-            order = next(filter(passes, orderings(costs)), cheapest) if sound else cheapest
+            chosen = next(filter(passes, itertools.chain([cheapest], candidates)), cheapest) if sound else cheapest
             if self.trace.expected_m is None:
-                self.trace.expected_m = costs.ordering_cost(order)
-            return [tasks[j] for j in order]
+                self.trace.expected_m = chosen.metres
+            return [tasks[j] for j in chosen.order]
+
+    def _candidates(self, plans: Sequence[Plan], observed: Observed) -> Iterator[Candidate]:
+        """Yield orders of plans by increasing cost."""
+        assert self._travel is not None
+        beliefs, cells = self._cost_view(observed)
+        costs = expected_costs(self._travel, plans, self._place(observed), beliefs, cells)
+        if self._simulator is None:
+            return (Candidate(order, costs.ordering_cost(order)) for order in orderings(costs))
+        orders = shortlist(orderings(costs), len(plans))
+        return iter(ranked_orders(self._simulator, self._knowledge(observed), plans, orders))
 
     def _place(self, observed: Observed) -> Place:
         assert self._travel is not None
@@ -306,14 +365,7 @@ class PlanningAgent:
 
     def _cost_view(self, observed: Observed) -> tuple[dict[str, Floats], dict[str, int]]:
         """Return the beliefs that the cost model sees, and the map cells of what is localised."""
-        cells: dict[str, int] = {}
-        for node in self._graph.world.nodes:
-            instance = self._binder.destination(node, self._graph, observed)
-            if instance is not None and instance in observed.positions:
-                x, y = observed.positions[instance]
-                cell = observed.layout.nearest_reachable(x, y, observed.graph.room_of(instance))
-                if cell is not None:
-                    cells[node] = cell
+        cells = localised(self._graph, self._binder, observed)
         belief = self._belief.collapsed() if self.config.belief == "argmax" else self._belief
         return {node: belief[node] for node in self._graph.world.nodes if node not in cells}, cells
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gavel_env.envs.text_game import TextGame
     from gavel_env.envs.wrappers import FlatActions, PaddedGraph, TextActions
     from gavel_env.errors import GavelError
-    from gavel_env.exchange import EnvAction, Observed
+    from gavel_env.exchange import EnvAction, Observed, ReturnWhen
     from gavel_env.house.robot_config import RobotConfig
     from gavel_env.house.scenes import load_scene, scene_names
     from gavel_env.instructions.record import Instruction, read_instructions
@@ -43,6 +43,7 @@ __all__ = [
     "PaddedGraph",
     "Primitive",
     "Profile",
+    "ReturnWhen",
     "RewardWeights",
     "RobotConfig",
     "SceneGraph",
@@ -71,6 +72,7 @@ _HOME = {
     "Instruction": "instructions.record",
     "Judgement": "sim.episode",
     "Observed": "exchange",
+    "ReturnWhen": "exchange",
     "PaddedGraph": "envs.wrappers",
     "Primitive": "world_model.actions",
     "Profile": "world_model.dynamics",

@@ -9,12 +9,28 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from gavel_env.house.floor_map import FloorMap
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.graph import SceneGraph
 
-__all__ = ["EnvAction", "Observed"]
+__all__ = ["EnvAction", "Observed", "ReturnWhen"]
+
+
+class ReturnWhen(NamedTuple):
+    """When a `NavigateTo` that searches comes back before it has found anything, so that the agent can decide again.
+
+    What the search is for goes before: once it is in sight, the robot drives to it.
+
+    Attributes:
+        seen: designators; the search ends where an instance that fits one of them comes into sight.
+        room_done: the search ends after every room that it has searched in vain, if another is left to search.
+    """
+
+    seen: tuple[str, ...] = ()
+    room_done: bool = False
 
 
 class EnvAction(NamedTuple):
@@ -26,12 +42,14 @@ class EnvAction(NamedTuple):
             concept, of which any category will do: `any_cabinet@any_office`).
         search_prior: room id -> weight, the order in which rooms are searched; None = nearest first.
         other_than: observed ids that a designator does not mean, such as those that another task has already used.
+        return_when: when a search comes back early; None = never.
     """
 
     primitive: Primitive
     target: str | None = None
     search_prior: Mapping[str, float] | None = None
     other_than: tuple[str, ...] = ()
+    return_when: ReturnWhen | None = None
 
     @classmethod
     def of(cls, action: Action, search_prior: Mapping[str, float] | None = None) -> EnvAction:
@@ -39,7 +57,7 @@ class EnvAction(NamedTuple):
         return cls(action.primitive, action.target, search_prior)
 
 
-class Observed(msgspec.Struct, frozen=True):
+class Observed(msgspec.Struct, frozen=True, eq=False):
     """The agent's view after a step.
 
     Attributes:
@@ -49,10 +67,11 @@ class Observed(msgspec.Struct, frozen=True):
         positions: observed id -> (x, y) of what holds it up, metres.
         cell: flat map cell of the robot.
         heading_deg: its heading, degrees clockwise from x.
+        seen: (height, width) bool, floor of the layout's grid that has been seen, read-only.
         searched: rooms that have been searched completely.
         metres: driven so far.
         outcome: "ok", or the violation kind of the last action; "" before the first.
-        reached: instance that the last `NavigateTo` reached, or None.
+        reached: instance that the last `NavigateTo` reached; None if its search came back early.
     """
 
     instruction: str
@@ -61,7 +80,17 @@ class Observed(msgspec.Struct, frozen=True):
     positions: Mapping[str, tuple[float, float]]
     cell: int
     heading_deg: float
+    seen: NDArray[np.bool_]
     searched: frozenset[str]
     metres: float
     outcome: str
     reached: str | None
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether all fields are equal, the arrays cell by cell."""
+        if not isinstance(other, Observed):
+            return NotImplemented
+        mine, others = msgspec.structs.astuple(self), msgspec.structs.astuple(other)
+        return all(np.array_equal(a, b) if a is self.seen else a == b for a, b in zip(mine, others, strict=True))
+
+    __hash__ = None  # type: ignore[assignment]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 import shlex
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -62,15 +64,23 @@ def test_unknown_command_exits_2_and_lists_the_known(capsys: pytest.CaptureFixtu
     assert "scenes" in capsys.readouterr().err
 
 
-def test_every_command_has_help_and_something_to_run() -> None:
-    commands = build_parser()._subparsers
-    assert commands is not None
-    for action in commands._group_actions:
-        choices = action.choices
-        assert isinstance(choices, dict)
-        for name, parser in choices.items():
-            text = parser.format_help()
-            assert name in text
+def commands_of(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """Yield the parsers of the commands without parts of their own, and of those that also run alone."""
+    groups = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
+    if not groups or parser.get_default("run") is not None:
+        yield parser
+    for group in groups:
+        for part in dict.fromkeys(group.choices.values()):
+            yield from commands_of(part)
+
+
+COMMANDS = {parser.prog: parser for parser in commands_of(build_parser())}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help_and_something_to_run(name: str) -> None:
+    assert callable(COMMANDS[name].get_default("run"))
+    assert name.rsplit(maxsplit=1)[-1] in COMMANDS[name].format_help()
 
 
 def test_every_requirement_is_pinned() -> None:
@@ -96,7 +106,7 @@ def test_readme_shows_pictures_that_exist() -> None:
         assert (ROOT / picture).is_file(), picture
 
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 @pytest.mark.parametrize(

@@ -99,6 +99,7 @@ class Belief(Mapping[str, Floats]):
     rooms: tuple[str, ...]
     refuted: frozenset[str]
     _vectors: Mapping[str, Floats] = field(repr=False)
+    _root_of: Mapping[str, str] = field(repr=False)
     _expectations: _Expectations = field(repr=False)
 
     @classmethod
@@ -126,7 +127,7 @@ class Belief(Mapping[str, Floats]):
         """
         if not rooms:
             raise ValueError("a belief needs at least one reachable room")
-        empty = cls(tuple(r.id for r in rooms), frozenset(), {}, _Expectations(rooms, prior))
+        empty = cls(tuple(r.id for r in rooms), frozenset(), {}, {}, _Expectations(rooms, prior))
         return empty.update(graph, _Nothing(), {})
 
     def update(self, graph: SceneGraph, observed: Evidence, bound: Mapping[str, str]) -> Belief:
@@ -138,6 +139,10 @@ class Belief(Mapping[str, Floats]):
             bound: node -> observed instance that it is known to be.
         """
         return _Update(self._expectations, graph, observed, bound).apply(self)
+
+    def root(self, node: str) -> str:
+        """Return the node that says where a node is, itself or what holds it: nodes of one root are in one place."""
+        return self._root_of[node]
 
     def __getitem__(self, node: str) -> Floats:
         return self._vectors[node]
@@ -199,14 +204,15 @@ class _Update:
     def apply(self, belief: Belief) -> Belief:
         """Return the belief after the update."""
         vectors: dict[str, Floats] = {}
+        root_of: dict[str, str] = {}
         for node in self._graph.world.nodes:
-            outermost = self._outermost(node)
+            root_of[node] = outermost = self._outermost(node)
             if outermost not in self._roots:
                 self._roots[outermost] = self._root(outermost)
             vectors[node] = self._roots[outermost]
             if outermost in self._refuted:
                 self._refuted.add(node)
-        return replace(belief, _vectors=vectors, refuted=frozenset(self._refuted))
+        return replace(belief, _vectors=vectors, _root_of=root_of, refuted=frozenset(self._refuted))
 
     def _outermost(self, node: str) -> str:
         """Return the bound or outermost node that says where `node` is: itself, or what holds it."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gavel_env.house.floor_map import FloorMap
 from gavel_env.world_model.actions import Action, Primitive
 
-__all__ = ["COVERAGE_WIDTH_M", "PAPER_COVERAGE_WIDTH_M", "Place", "Search", "TaskCost", "TravelModel"]
+__all__ = ["COVERAGE_WIDTH_M", "PAPER_COVERAGE_WIDTH_M", "Place", "Search", "TaskCost", "TravelModel", "travel_model"]
 
 Floats = NDArray[np.float64]
 _NEGLIGIBLE = 1e-9
@@ -82,7 +82,12 @@ class TravelModel:
     """
 
     def __init__(
-        self, layout: FloorMap, coverage_width_m: float = COVERAGE_WIDTH_M, found_fraction: float = 0.5
+        self,
+        layout: FloorMap,
+        coverage_width_m: float = COVERAGE_WIDTH_M,
+        found_fraction: float = 0.5,
+        *,
+        as_printed: bool = False,
     ) -> None:
         """Measure a layout.
 
@@ -90,14 +95,17 @@ class TravelModel:
             layout: the known layout.
             coverage_width_m: w_cov, effective width that the sensor covers.
             found_fraction: eta, expected fraction of a room searched before the object is seen.
+            as_printed: the paper's formulas to the letter: a rollout forgets which rooms it has searched, and a drive
+                ends on top of the object.
         """
         self.layout = layout
         self.found_fraction = found_fraction
+        self._as_printed = as_printed
         self.rooms = tuple(r for r in layout.room_ids if layout.room_points[r] is not None)
         self.index = {room: i for i, room in enumerate(self.rooms)}
         self.room_m = np.array([[layout.room_distance(a, b) or 0.0 for b in self.rooms] for a in self.rooms])
         self.search_m = np.array([layout.traversable_m2(r) for r in self.rooms]) / coverage_width_m
-        self.reach_m = layout.robot.reach_m
+        self.reach_m = 0.0 if as_printed else layout.robot.reach_m
         self._nothing = np.zeros(len(self.rooms))
         self._places: dict[int, Place] = {}
         self._between_m: dict[tuple[int, int], float] = {}
@@ -199,10 +207,25 @@ class TravelModel:
                 if target in seen:
                     leg = float(here.to_rooms_m @ belief)
                 else:
-                    leg, searched = self.search(here, belief, searched)
+                    leg, after = self.search(here, belief, searched)
+                    searched = searched if self._as_printed else after
                     seen.add(target)
                 here = self.among(belief)
             else:
                 continue
             metres += max(0.0, leg - self.reach_m)
         return TaskCost(metres, here, frozenset(seen), searched)
+
+
+def travel_model(layout: FloorMap, cost: str, coverage_width_m: float | None = None) -> TravelModel:
+    """Return the model behind J for a cost: "paper" as printed, otherwise with what rollouts carry.
+
+    Args:
+        layout: the known layout.
+        cost: as in `gavel_agents.methods.MethodConfig`; "simulated" needs J for its short list.
+        coverage_width_m: w_cov; default: the paper's for "paper", else as measured.
+    """
+    as_printed = cost == "paper"
+    default_m = PAPER_COVERAGE_WIDTH_M if as_printed else COVERAGE_WIDTH_M
+    width_m = default_m if coverage_width_m is None else coverage_width_m
+    return TravelModel(layout, width_m, as_printed=as_printed)

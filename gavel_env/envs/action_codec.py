@@ -54,11 +54,12 @@ class ActionCodec:
         """Return the action in the form of the space; a room in its target becomes negative weights of the others.
 
         Raises:
-            BadAction: the target is neither an observed id nor a category, a weight is no weight, or `other_than` is
-                not empty.
+            BadAction: the target is neither an observed id nor a category, a weight is no weight, or the action has
+                `other_than` or `return_when`.
         """
-        if action.other_than:
-            raise BadAction("the action space cannot say `other_than`; pass the EnvAction itself to step")
+        for name in ("other_than", "return_when"):
+            if getattr(action, name):
+                raise BadAction(f"the action space cannot say `{name}`; pass the EnvAction itself to step")
         weights = np.zeros(MAX_ROOMS)
         prior = action.search_prior or {}
         most = max((1.0, *prior.values()))

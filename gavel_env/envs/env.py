@@ -59,6 +59,10 @@ class GavelEnv(gym.Env[Observation, Any]):
     weights by room id, and ids that are not meant. `encode` turns one into the dict form, `decode` turns it back;
     concepts have no number in it.
 
+    An `EnvAction` may also say when a search comes back before it has found anything (`return_when`): where something
+    else that is wanted comes into sight, or after every room. Such a step is "ok", costs what it has driven, reaches
+    nothing, and once the robot has moved it is near nothing but what it holds.
+
     ## Observation Space
 
     `Dict`; `observation="symbolic"` leaves out `graph` and is faster.
@@ -127,7 +131,7 @@ class GavelEnv(gym.Env[Observation, Any]):
 
     ## Version History
 
-    - v0: first version.
+    - v0: first version. Added since, without effect on what was there: `EnvAction.return_when`, `Observed.seen`.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012  # as the base class declares it

@@ -11,14 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gavel_env.errors import GavelError
-from gavel_env.exchange import EnvAction, Observed
+from gavel_env.errors import GavelError, UnknownObject
+from gavel_env.exchange import EnvAction, Observed, ReturnWhen
 from gavel_env.house.floor_map import FloorMap, known_layout
 from gavel_env.house.robot_config import RobotConfig
 from gavel_env.house.scenes import Scene, load_scene
 from gavel_env.instructions.initial_graph import instruction_graph
 from gavel_env.instructions.record import Instruction
-from gavel_env.sim.executor import Accepts, Executor, Outcome
+from gavel_env.sim.executor import Accepts, EarlyReturn, Executor, Outcome
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile, Violation, unsafe
 from gavel_env.world_model.goals import Designator, Goal, fitting, unmet
@@ -112,13 +112,14 @@ class Episode:
         """Run one action; `excluded_rooms` are rooms whose instances a designator does not mean.
 
         Raises:
-            UnknownObject: the search prior names no room of the scene.
+            UnknownObject: the search prior names no room of the scene, `return_when` a category of no ontology.
             BadSearchPrior: a weight is negative or not finite.
+            MalformedGoal: `return_when` has something else than designators.
         """
         bound, accepts = self._bind(action, excluded_rooms)
-        outcome = self.executor.step(bound, action.search_prior, accepts)
+        outcome = self.executor.step(bound, action.search_prior, accepts, self._early(action.return_when))
         self.violation = self.violation or outcome.violation
-        went = outcome.ok and outcome.action.primitive is Primitive.NAVIGATE_TO
+        went = outcome.ok and not outcome.returned and outcome.action.primitive is Primitive.NAVIGATE_TO
         kind = "ok" if outcome.violation is None else outcome.violation.kind.value
         self.observed = self._view(kind, outcome.action.target if went else None)
         return outcome
@@ -139,6 +140,22 @@ class Episode:
         found = [obj for obj in fitting(self.observed.graph, designator) if accepts(obj)]
         found.sort(key=lambda obj: (obj not in self.observed.graph.near, obj == self.observed.graph.holding))
         return (Action(action.primitive, found[0]) if found else plain), None
+
+    def _early(self, when: ReturnWhen | None) -> EarlyReturn | None:
+        """Return the tests of an early return.
+
+        Raises:
+            UnknownObject: something that should be seen is of no category of the ontology.
+            MalformedGoal: or is not of the form of a designator.
+        """
+        if when is None:
+            return None
+        designators = [Designator.parse(text) for text in when.seen]
+        for wanted in designators:
+            if not self._ontology.knows(wanted.name):
+                raise UnknownObject(wanted.name, tuple(self._ontology), "return_when.seen (categories)")
+        tests = [self._acceptance(wanted, (), frozenset()) for wanted in designators]
+        return EarlyReturn(lambda obj: any(fits(obj) for fits in tests), when.room_done)
 
     def _acceptance(
         self, designator: Designator, other_than: tuple[str, ...], excluded_rooms: frozenset[str]
@@ -167,6 +184,7 @@ class Episode:
             positions=self._place(graph),
             cell=pose.cell,
             heading_deg=math.degrees(pose.heading),
+            seen=pose.seen,
             searched=pose.searched,
             metres=pose.metres,
             outcome=outcome,

@@ -27,10 +27,22 @@ from gavel_env.world_model.dynamics import Profile, Violation, ViolationKind, ap
 from gavel_env.world_model.graph import SceneGraph
 from gavel_env.world_model.ontology import Ontology, default_ontology
 
-__all__ = ["Accepts", "Executor", "ObservedState", "Outcome", "Pose"]
+__all__ = ["Accepts", "EarlyReturn", "Executor", "ObservedState", "Outcome", "Pose"]
 
 Accepts = Callable[[str], bool]
 """Tells of an observed instance id whether it is what a search is for."""
+
+
+class EarlyReturn(NamedTuple):
+    """When a search comes back before it has found what it is for.
+
+    Attributes:
+        sees: tells of an instance that has just come into sight whether the search ends there.
+        after_room: it comes back after every room that it has searched in vain, if another is left to search.
+    """
+
+    sees: Accepts
+    after_room: bool
 
 
 class Outcome(NamedTuple):
@@ -43,6 +55,7 @@ class Outcome(NamedTuple):
         route: (n,) flat cells driven over, start and end included; one cell if the robot stood still.
         observed: ids seen for the first time, in the order seen.
         searched: rooms that came to count as searched.
+        returned: whether a search came back early, as it was told to, and reached nothing.
     """
 
     action: Action
@@ -51,27 +64,30 @@ class Outcome(NamedTuple):
     route: Indices
     observed: tuple[str, ...]
     searched: tuple[str, ...]
+    returned: bool = False
 
     @property
     def ok(self) -> bool:
-        """True if the action was carried out."""
+        """True if the action was carried out, or came back early as it was told to."""
         return self.violation is None
 
 
 class Pose(NamedTuple):
-    """Where the robot is and how far it came.
+    """Where the robot is, how far it came, and the floor that it has seen.
 
     Attributes:
         cell: flat index of the robot's cell.
         heading: radians, clockwise from x.
         metres: driven so far.
         searched: rooms searched.
+        seen: (height, width) bool, read-only copy: floor seen so far.
     """
 
     cell: int
     heading: float
     metres: float
     searched: frozenset[str]
+    seen: NDArray[np.bool_]
 
 
 class ObservedState(NamedTuple):
@@ -92,6 +108,31 @@ class ObservedState(NamedTuple):
     cell: int
     heading: float
     metres: float
+
+
+class _Returning:
+    """Whether a search is to come back early, and whether it did.
+
+    Attributes:
+        after_room: as in `EarlyReturn`.
+        returned: whether it came back.
+    """
+
+    def __init__(self, observed: Mapping[str, None], early: EarlyReturn | None) -> None:
+        self._observed = observed
+        self._tested = len(observed)
+        self._sees = None if early is None else early.sees
+        self.after_room = early is not None and early.after_room
+        self.returned = False
+
+    def sees(self) -> bool:
+        """Test what has come into sight since the last call; return whether the search ends."""
+        if self._sees is None:
+            return False
+        fresh = itertools.islice(self._observed, self._tested, None)
+        self.returned = self.returned or any(map(self._sees, fresh))
+        self._tested = len(self._observed)
+        return self.returned
 
 
 class Executor:
@@ -124,8 +165,10 @@ class Executor:
         self._observed: dict[str, None] = {}
         self._unseen_spots = dict(self.places.spots)
         self._searched: list[str] = []
+        self._early = _Returning(self._observed, None)
         self._robot.scan()
         self._note_searched()
+        self._seen = self._seen_floor()
         self._graph = observed_part(self._hidden, self._observed)
 
     @property
@@ -136,16 +179,15 @@ class Executor:
     @property
     def observed(self) -> ObservedState:
         """Return what the robot knows now."""
-        seen = self._robot.sensor.seen.copy()
-        seen.flags.writeable = False
         return ObservedState(
-            self._graph, seen, tuple(self._searched), self._robot.cell, self._robot.heading, self._robot.metres
+            self._graph, self._seen, tuple(self._searched), self._robot.cell, self._robot.heading, self._robot.metres
         )
 
     @property
     def pose(self) -> Pose:
-        """Return where the robot is and how far it came; `observed` has the rest, and copies a map."""
-        return Pose(self._robot.cell, self._robot.heading, self._robot.metres, frozenset(self._searched))
+        """Return where the robot is, how far it came, and the floor that it has seen."""
+        robot = self._robot
+        return Pose(robot.cell, robot.heading, robot.metres, frozenset(self._searched), self._seen)
 
     @property
     def graph(self) -> SceneGraph:
@@ -153,7 +195,11 @@ class Executor:
         return self._graph
 
     def step(
-        self, action: Action, search_prior: Mapping[str, float] | None = None, accepts: Accepts | None = None
+        self,
+        action: Action,
+        search_prior: Mapping[str, float] | None = None,
+        accepts: Accepts | None = None,
+        early: EarlyReturn | None = None,
     ) -> Outcome:
         """Run one primitive.
 
@@ -162,6 +208,7 @@ class Executor:
                 concept, perhaps with a room).
             search_prior: weights over rooms for a search; default: nearest first.
             accepts: what a `NAVIGATE_TO` searches for; default: any instance that fits the target.
+            early: when a search comes back before it has found anything; default: never.
 
         Returns:
             The outcome; a violation changes nothing, except that a search that failed has driven and seen.
@@ -173,12 +220,15 @@ class Executor:
         if search_prior is not None:
             check_search_prior(self.floor, search_prior)
         before = len(self._observed), len(self._searched), self._robot.metres
+        self._early = _Returning(self._observed, early)
         if action.primitive is Primitive.NAVIGATE_TO:
             bound, violation = self._navigate(action, search_prior or {}, accepts)
+            self._seen = self._seen_floor()
         else:
             bound, violation = action, self._refusal(action)
         moved = self._robot.metres > before[2]
-        if violation is None:
+        reached = violation is None and not self._early.returned
+        if reached:
             self._change(bound)
         elif moved:
             self._leave_near()
@@ -186,7 +236,7 @@ class Executor:
         if len(self._observed) > before[0]:
             fresh = tuple(itertools.islice(self._observed, before[0], None))
             self._graph = observed_part(self._hidden, self._observed)
-        elif violation is None:
+        elif reached:
             self._graph = apply(self._graph, bound)
         return Outcome(
             bound,
@@ -195,6 +245,7 @@ class Executor:
             self._robot.take_trail(),
             fresh,
             tuple(self._searched[before[1] :]),
+            self._early.returned,
         )
 
     def reveal(self) -> None:
@@ -262,6 +313,8 @@ class Executor:
         if not any(self.stances(obj).size for obj in known):
             self._search(accepts, prior, rooms)
             known = [obj for obj in self._observed if accepts(obj)]
+        if self._early.returned:
+            return action, None
         if not known:
             return action, Violation(ViolationKind.NOT_FOUND, target)
         reached, violation = self._go_to_one_of(known)
@@ -308,22 +361,35 @@ class Executor:
             search = RoomSearch(self._robot.sensor, room)
 
             def stop(search: RoomSearch = search) -> bool:
-                return is_found() or search.settled()
+                return is_found() or self._early.sees() or search.settled()
 
             while (route := search.next_route(self._robot.cell)) is not None:
                 self._robot.drive(route, stop)
-                if not is_found():
+                if not is_found() and not self._early.sees():
                     self._robot.scan()
                     search.looked(self._robot.cell)
-                if is_found():
+                if is_found() or self._early.sees():
                     break
             self._note_searched()
             if found:
+                self._early.returned = False
+                return
+            if self._early.returned:
                 return
             if room not in self._searched:
                 self._searched.append(room)
+            if self._early.after_room:
+                left = next_room(self.floor, self._robot.cell, self._searched, prior, rooms)
+                self._early.returned = left is not None
+                return
 
     # --- seeing --------------------------------------------------------------------------------------------------
+
+    def _seen_floor(self) -> NDArray[np.bool_]:
+        """Copy the floor seen so far; only drives change it."""
+        seen = self._robot.sensor.seen.copy()
+        seen.flags.writeable = False
+        return seen
 
     def _see(self, pieces: Iterable[str]) -> None:
         """Observe pieces with all that is seen with them, and what lies on floor that has come into view."""

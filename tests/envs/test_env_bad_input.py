@@ -14,7 +14,7 @@ from gavel_env.envs.action_codec import BadAction
 from gavel_env.envs.env import BadEnvironmentOption, GavelEnv
 from gavel_env.envs.spaces import TooManyNodes
 from gavel_env.errors import GavelError, InstructionError, ResetNeeded, UnknownInstruction, UnknownScene
-from gavel_env.exchange import EnvAction
+from gavel_env.exchange import EnvAction, ReturnWhen
 from gavel_env.house.robot_config import RobotConfig
 from gavel_env.world_model.actions import Primitive
 
@@ -148,6 +148,7 @@ def test_actions_of_another_form_are_refused(action: Any) -> None:
         (EnvAction(GO, "apple", {"kitchen_0": -1.0}), "weights >= 0"),
         (EnvAction(GO, "apple", {"kitchen_0": float("nan")}), "weights >= 0"),
         (EnvAction(GO, "apple", other_than=("apple_0",)), "other_than"),
+        (EnvAction(GO, "apple", return_when=ReturnWhen(room_done=True)), "return_when"),
     ],
     ids=str,
 )

@@ -134,7 +134,7 @@ def test_what_cannot_be_reached_is_unreachable() -> None:
     outcome = executor.step(Action(GO, "shelf"))
     assert "shelf_0" in executor.graph.world.nodes
     assert outcome.violation == Violation(ViolationKind.UNREACHABLE, "shelf_0")
-    assert executor.step(Action(GO, "shelf_0")) == (Action(GO, "shelf_0"), outcome.violation, 0.0, ANY, (), ())
+    assert executor.step(Action(GO, "shelf_0")) == (Action(GO, "shelf_0"), outcome.violation, 0.0, ANY, (), (), False)
 
 
 def test_a_search_looks_around_the_last_corner() -> None:
