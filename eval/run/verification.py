@@ -16,20 +16,19 @@ import msgspec
 from eval.records.conversations import Call, Exchange, read_conversations
 from eval.records.journal import RecordFile, read_records
 from eval.records.provenance import data_stamp
-from eval.records.schema import Benchmark, Contestant, EpisodeKey, EpisodeRecord, RunHeader, Step
+from eval.records.schema import Benchmark, Contestant, EpisodeKey, EpisodeRecord, RunHeader
 from eval.records.scrub import scrubbed
 from eval.run.episodes import EnvironmentSettings, Episode
+from eval.run.playback import playback
 from eval.run.rig import Rig
-from gavel_agents.agent import Agent, AgentTrace
+from gavel_agents.agent import Agent
 from gavel_agents.llm import ChatModel, Completion, Prompt
 from gavel_agents.methods import METHODS
 from gavel_agents.understanding import ModelUnderstanding, Understanding
 from gavel_env.errors import DataError, GavelError
-from gavel_env.exchange import EnvAction
 from gavel_env.instructions.record import Instruction, read_instructions, shipped
-from gavel_env.world_model.actions import parse_action
 
-__all__ = ["Finding", "Verification", "verify_run"]
+__all__ = ["Finding", "Verification", "instructions_of", "verify_run", "with_headers"]
 
 _SHIPPED = ("single", "multi", "behavior")
 _NOT_PLAYED = ("error", "timeout", "rejected")
@@ -92,35 +91,6 @@ class _StoredCalls:
         return call.completion
 
 
-class _Playback:
-    """Plays recorded actions."""
-
-    def __init__(self, record: EpisodeRecord) -> None:
-        self.name = record.contestant.agent
-        self.trace = AgentTrace(stopped=record.trace.stopped)
-        self._left = deque(record.steps)
-
-    def reset(self, observation: Any, info: dict[str, Any]) -> None:
-        """Begin."""
-
-    def act(self, observation: Any, info: dict[str, Any]) -> EnvAction | None:
-        """Return the next recorded action."""
-        return _action(self._left.popleft()) if self._left else None
-
-
-class _PrivilegedPlayback(_Playback):
-    """Plays the recorded actions of an agent that saw the hidden state, and so knew every name."""
-
-    def reveal(self, env: Any) -> None:
-        """Make every object known, as it was."""
-        env.unwrapped.reveal()
-
-
-def _action(step: Step) -> EnvAction:
-    action = parse_action(step.action)
-    return EnvAction(action.primitive, action.target, step.search_prior or None, step.other_than)
-
-
 class _Replays(Rig):
     """A rig whose agents and models are those of one record."""
 
@@ -130,7 +100,7 @@ class _Replays(Rig):
 
     @property
     def built_in(self) -> bool:
-        return self._record.contestant.agent in METHODS or self._record.contestant.agent == "oracle"
+        return self._record.contestant.agent in (*METHODS, "oracle", "react")
 
     def load(self, planner: str) -> ChatModel | None:
         return self._stored if planner else None
@@ -140,7 +110,7 @@ class _Replays(Rig):
     ) -> Agent:
         if self.built_in:
             return super().agent(contestant, instruction, seed, exchanges)
-        return (_PrivilegedPlayback if contestant.privileged else _Playback)(self._record)
+        return playback(self._record)
 
     def _understanding(
         self, contestant: Contestant, instruction: Instruction, model: ChatModel | None, exchanges: list[Exchange]
@@ -165,10 +135,10 @@ def verify_run(folder: str | Path, instructions: Iterable[str | Path] = ()) -> V
     findings = [Finding(place, "is no record") for place in files.damaged]
     findings += [Finding("conversations", damage) for damage in conversations.damaged]
     findings += [Finding(f"conversations: {key}", "is not what its hash is of") for key in conversations.changed()]
-    known = _instructions(files, instructions)
+    known = instructions_of(files, instructions)
     rigs: dict[bytes, _Replays] = {}
     replayed = 0
-    for header, record in _with_headers(files):
+    for header, record in with_headers(files):
         place = f"{record.contestant.agent} {record.instruction} seed {record.seed}"
         calls = [conversations.get(call) for call in record.calls]
         lost = [key for key, call in zip(record.calls, calls, strict=True) if call is None]
@@ -190,8 +160,12 @@ def verify_run(folder: str | Path, instructions: Iterable[str | Path] = ()) -> V
     return Verification(replayed, len(files.records), len(scheduled - files.records.keys()), tuple(findings))
 
 
-def _instructions(files: RecordFile, paths: Iterable[str | Path]) -> dict[tuple[str, str], Instruction]:
-    """Return (data stamp, id) -> instruction of every benchmark of the run.
+def instructions_of(files: RecordFile, paths: Iterable[str | Path] = ()) -> dict[tuple[str, str], Instruction]:
+    """Return (data stamp, id) -> instruction of every benchmark of a run.
+
+    Args:
+        files: its records.
+        paths: instruction files beside the shipped ones.
 
     Raises:
         DataError: no file has the stamp that was run.
@@ -213,8 +187,12 @@ def _benchmarks(files: RecordFile) -> list[Benchmark]:
     return list({b.data: b for header in files.headers for b in header.benchmarks}.values())
 
 
-def _with_headers(files: RecordFile) -> Iterator[tuple[RunHeader, EpisodeRecord]]:
-    """Yield every record with the header that scheduled it."""
+def with_headers(files: RecordFile) -> Iterator[tuple[RunHeader, EpisodeRecord]]:
+    """Yield every record with the header that scheduled it.
+
+    Raises:
+        DataError: there is no header.
+    """
     scheduled: dict[EpisodeKey, RunHeader] = {}
     for header in files.headers:
         scheduled |= dict.fromkeys(header.keys(), header)

@@ -1,0 +1,1 @@
+"""Runs as data sets for training: fine-tuning pairs, preference pairs, trajectories."""
