@@ -24,13 +24,16 @@ from gavel_env.render.style import KIND_COLOURS, Rgb, floor_of, kind_of, room_ti
 __all__ = ["html_report"]
 
 
-def html_report(files: RecordFile, compare: Sequence[str] | None = None, title: str = "GAVEL results") -> str:
+def html_report(
+    files: RecordFile, compare: Sequence[str] | None = None, title: str = "GAVEL results", *, tables: bool = True
+) -> str:
     """Return the report of record files.
 
     Args:
         files: as read.
         compare: agents whose metres are matched, as in `eval.report.tables.results`.
         title: heading of the page.
+        tables: with result tables; a single episode without them is shown alone, without what chooses among several.
 
     Raises:
         UnknownAgent: `compare` names an agent that is in none of the files.
@@ -41,7 +44,7 @@ def html_report(files: RecordFile, compare: Sequence[str] | None = None, title: 
     )
     data = {
         "title": title,
-        "tables": [_grid(grid) for grid in grids(results(files, compare), failures=True)],
+        "tables": [_grid(grid) for grid in grids(results(files, compare), failures=True)] if tables else [],
         "scenes": _scenes(records),
         "episodes": [_episode(record) for record in records],
     }

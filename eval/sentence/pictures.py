@@ -41,7 +41,7 @@ class Frame(NamedTuple):
 
 def replay(run: SentenceRun) -> str:
     """Return the replay as one HTML file."""
-    return html_report(RecordFile((), {run.record.key: run.record}, ()), title=run.text)
+    return html_report(RecordFile((), {run.record.key: run.record}, ()), title=run.text, tables=False)
 
 
 def picture(run: SentenceRun) -> Image:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from rich.console import Console
-from rich.padding import Padding
 from rich.text import Text
 
 from eval.records.schema import OUTCOMES, Step
@@ -20,6 +19,7 @@ from gavel_env.world_model.goals import Goal, Literal, Predicate
 __all__ = ["chosen", "tell", "tell_plan", "tell_question", "tell_why", "wish"]
 
 _LIKELY = 3
+_INDENT = "  "
 _BETWEEN = {
     Predicate.ON_TOP: "on",
     Predicate.INSIDE: "in",
@@ -105,7 +105,9 @@ def _tell_beliefs(run: SentenceRun, console: Console) -> None:
 
 def _line(console: Console, *parts: str | tuple[str, str]) -> None:
     """Print a line of texts and (text, style) that stands in, however often it is broken."""
-    console.print(Padding(Text.assemble(*parts), (0, 0, 0, 2), expand=False))
+    for line in Text.assemble(*parts).wrap(console, console.width - len(_INDENT)):
+        line.rstrip()
+        console.print(Text.assemble(_INDENT, line))
 
 
 def tell_plan(run: SentenceRun, console: Console) -> None:

@@ -2,13 +2,13 @@
 
 For every thing the estimate counts what it takes to fetch it, have an appliance work on it and bring it where it
 belongs, doors on the way included; then what has to be shut and switched off. A thing that still needs an appliance
-counts as not yet delivered, wherever it is: so that what must come first is done first. Things are counted apart from
-each other, so what two share (one run of a dishwasher) counts twice: the estimate is informed, not admissible.
+counts as not yet delivered, wherever it is: so that what must come first is done first. One run of an appliance serves
+all that lies in it; otherwise things are counted apart from each other: the estimate is informed, not admissible.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 
 from gavel_agents.classical.wishes import Unplannable, Wish, literals_of, wishes
@@ -94,11 +94,12 @@ class Estimate:
         except Unplannable:
             return HOPELESS
         by_thing: dict[str, list[Wish]] = {}
-        for wish in asked:
+        for wish in _where_all_will_be(asked):
             by_thing.setdefault(wish.subject, []).append(wish)
-        total = sum(steps.thing(thing, about) for thing, about in by_thing.items())
+        total = sum(steps.thing(thing, about) for thing, about in by_thing.items()) + steps.running()
         doors = {w.subject for w in asked if w.predicate == "open" and w.negated}
-        return total + self._restoring(graph, handy, doors)
+        in_the_way = graph.holding is not None and graph.holding not in by_thing
+        return total + in_the_way - steps.within_reach + self._restoring(graph, handy, doors)
 
     def _restoring(self, graph: SceneGraph, handy: frozenset[str], counted: set[str]) -> float:
         """Return the steps that shut and switch off what the plan opened and switched on."""
@@ -147,18 +148,40 @@ class Estimate:
         return self._in_room(self.start, room)
 
 
+def _where_all_will_be(asked: Sequence[Wish]) -> Iterator[Wish]:
+    """Yield wishes; beside what shall be brought to a piece means on or in that piece too."""
+    going = {w.subject: w for w in asked if w.predicate in (_ON, _IN) and not w.negated}
+    for wish in asked:
+        beside = (
+            going.get(wish.object or "") if wish.predicate == Predicate.NEXT_TO.value and not wish.negated else None
+        )
+        yield wish if beside is None or beside.object == wish.subject else beside._replace(subject=wish.subject)
+
+
 class _Steps:
     """Counts of primitives in one state."""
 
     def __init__(self, graph: SceneGraph, handy: frozenset[str], about: Estimate) -> None:
         self.graph, self.handy, self.about = graph, handy, about
+        self.within_reach = False  # whether something that must be taken can be taken from here
+        self._runs: set[str] = set()
 
     def price(self, wish: Wish) -> float:
         """Return the steps to one wish by itself."""
-        return self.thing(wish.subject, [wish])
+        alone = _Steps(self.graph, self.handy, self.about)
+        return alone.thing(wish.subject, [wish]) + alone.running()
+
+    def running(self) -> float:
+        """Return the steps that run the appliances which the things counted so far need."""
+        total = 0.0
+        for appliance in self._runs:
+            category = self.graph.category(appliance)
+            shutting = category.openable and appliance in self.graph.flags[Flag.OPEN]
+            total += self.reach(appliance) + shutting + category.toggleable
+        return total
 
     def thing(self, thing: str, about: list[Wish]) -> float:
-        """Return the steps to everything that is wished of one thing."""
+        """Return the steps to everything that is wished of one thing, appliances being run aside."""
         graph = self.graph
         total = 0.0
         works = [w for w in about if self._work(w) is not None and not w.holds(graph)]
@@ -167,11 +190,10 @@ class _Steps:
             option = self._work(work)
             assert option is not None
             total += option()
-        for wish in places:
-            if works:
-                total += 3 + self._doors(wish)
-            elif not wish.holds(graph):
-                total += self._placed(thing, wish)
+        if works and places:
+            total += 3 + max(map(self._doors, places))
+        elif places:  # one placement may fulfil several wishes: on the table, beside the plate
+            total += max((self._placed(thing, wish) for wish in places if not wish.holds(graph)), default=0.0)
         for wish in about:
             if wish in works or wish in places or wish.holds(graph):
                 continue
@@ -192,10 +214,14 @@ class _Steps:
         return doors + (self.about._hand if graph.holding is not None else 0)
 
     def take(self, thing: str) -> float:
-        """Return the steps until a thing is in the hand."""
-        if thing == self.graph.holding:
+        """Return the steps until a thing is in the hand, going there included: one hand, one way for each thing."""
+        graph = self.graph
+        if thing == graph.holding:
             return 0
-        return self.reach(thing) + 1 + (self.graph.holding is not None)
+        shut = [h for relation, h in graph.holders(thing) if relation is Relation.INSIDE and graph.is_shut(h)]
+        if graph.holding is None and thing in self.handy and not shut:
+            self.within_reach = True
+        return 2 + len(shut) * (1 + (self.about._hand if graph.holding is not None else 0))
 
     def bring(self, thing: str, relation: Relation, place: str) -> float:
         """Return the steps until a thing is on, in or beside a place."""
@@ -226,6 +252,9 @@ class _Steps:
             return self.bring(thing, Relation.INSIDE, place) if target.interior else HOPELESS
         if wish.predicate == Predicate.UNDER.value and not target.clearance:
             return HOPELESS
+        beside = self.graph.supports.get(place) if wish.predicate == Predicate.NEXT_TO.value else None
+        if beside is not None and beside.relation <= Relation.INSIDE:  # on or in the same piece
+            return self.bring(thing, beside.relation, beside.holder)
         return self.bring(thing, Relation.FLOOR, place)
 
     # --- states --------------------------------------------------------------------------------------------------
@@ -246,20 +275,29 @@ class _Steps:
         return lambda: self._run(thing, self.about.workers(thing, undone))
 
     def _cleaned(self, thing: str) -> float:
-        wiped = (self.bring(wiper, Relation.ON_TOP, thing) for wiper in self.about.wipers(thing))
-        return min((*wiped, self._run(thing, self.about.machines(thing))))
+        wiped = min((self.bring(w, Relation.ON_TOP, thing) for w in self.about.wipers(thing)), default=HOPELESS)
+        loading, appliance = self._loading(thing, self.about.machines(thing))
+        if appliance is None or wiped <= loading + 1:
+            return wiped
+        self._runs.add(appliance)
+        return loading
 
     def _run(self, thing: str, options: tuple[tuple[str, Relation], ...]) -> float:
-        """Return the steps until the cheapest of some appliances has worked on a thing."""
+        """Return the steps until a thing is loaded, and note that its appliance must run."""
+        loading, appliance = self._loading(thing, options)
+        if appliance is not None:
+            self._runs.add(appliance)
+        return loading
+
+    def _loading(self, thing: str, options: tuple[tuple[str, Relation], ...]) -> tuple[float, str | None]:
+        """Return the steps until a thing lies in or on the cheapest of some appliances, and which that is."""
         graph = self.graph
-        best = HOPELESS
+        costs = []
         for appliance, relation in options:
-            category = graph.category(appliance)
             loaded = graph.supports.get(thing) == (relation, appliance)
-            shutting = category.openable and (not loaded or appliance in graph.flags[Flag.OPEN])
-            steps = self.reach(appliance) if loaded else self.bring(thing, relation, appliance)
-            best = min(best, steps + shutting + category.toggleable)
-        return best
+            shutting = 0 if loaded else graph.category(appliance).openable and graph.is_shut(appliance)
+            costs.append((0.0 if loaded else self.bring(thing, relation, appliance) + shutting, appliance))
+        return min(costs, default=(HOPELESS, None))
 
     def _other(self, thing: str, wish: Wish) -> float:
         """Return the steps to a door or switch, or away from where a thing shall not be."""

@@ -22,6 +22,8 @@ const joined = (points) => points.map((p) => p.map(cm).join(",")).join(" ");
 
 // --- tables
 
+document.body.classList.toggle("alone", !data.tables.length && data.episodes.length === 1);
+
 function showTables() {
   document.title = data.title;
   byId("title").textContent = data.title;
