@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import shlex
 import subprocess
@@ -132,3 +133,16 @@ def test_commands_in_readme_and_docs_exist(page: Path) -> None:
             assert arguments[0] in targets, line
         elif program == "gavel":
             build_parser().parse_args(arguments)
+
+
+def test_notebooks_are_their_pages_and_run(tmp_path: Path) -> None:
+    """The pages themselves are run above; a notebook holds the same blocks in the same order."""
+    assert run_python("docs/notebooks.py", "--check").returncode == 0
+    for path in (ROOT / "docs" / "tutorial").glob("*.ipynb"):
+        cells = json.loads(path.read_text("utf-8"))["cells"]
+        code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+        page = path.with_suffix(".md").read_text("utf-8")
+        assert code == [
+            block.strip("\n") for block in re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+        ]
+        assert len(code) >= 4

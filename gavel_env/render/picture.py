@@ -178,7 +178,7 @@ def draw_scene(scene: Scene, *, pixels_per_m: float | None = None, labels: bool 
     return ScenePicture(scene, pixels_per_m=pixels_per_m, labels=labels, legend=legend).background.copy()
 
 
-def save_png(image: Image, path: Path) -> None:
+def save_png(image: Image, path: str | Path) -> None:
     """Write a picture as a PNG file.
 
     Args:
@@ -191,6 +191,6 @@ def save_png(image: Image, path: Path) -> None:
     encoded, data = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
     assert encoded, "OpenCV encodes any uint8 picture as PNG"
     try:
-        path.write_bytes(data.tobytes())
+        Path(path).write_bytes(data.tobytes())
     except OSError as error:
         raise SceneError(f"picture {path} cannot be written: {error.strerror}") from error
