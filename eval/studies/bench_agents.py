@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
@@ -21,7 +21,7 @@ from eval.studies.measuring import Measurement, Samples, timed
 from gavel_env.errors import NotInstalled
 from gavel_env.world_model.actions import Action, Primitive
 
-__all__ = ["AGENTS"]
+__all__ = ["AGENTS", "slow_endpoint"]
 
 
 def _problems() -> Iterator[tuple[Any, tuple[Action, ...], Any]]:
@@ -145,23 +145,32 @@ class _Endpoint(BaseHTTPRequestHandler):
         """Say nothing."""
 
 
-def _endpoint(connections: int) -> Samples:
-    """Evaluate llm-only on the 100 single tasks against an endpoint that takes a second per call."""
+@contextmanager
+def slow_endpoint() -> Iterator[str]:
+    """Serve on loopback while the block runs; gives the planner's spec.
+
+    Raises:
+        NotInstalled: the extra `[hosted]` is not installed.
+    """
     if find_spec("openai") is None:
-        raise NotInstalled("openai is not installed; the extra [hosted] has it")
+        raise NotInstalled("needs openai, of the extra [hosted]")
     server = ThreadingHTTPServer(("127.0.0.1", 0), _Endpoint)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
-        for _ in range(3):
-            with tempfile.TemporaryDirectory() as folder:
-                spec = f"openai:m@http://127.0.0.1:{server.server_address[1]}/v1"
-                arguments = ["--agents", "llm-only", "--planner", spec, "--kind", "single", "--quiet", "--out", folder]
-                command = [sys.executable, "-m", "eval", "eval", *arguments, "--connections", str(connections)]
-                environment = {"OPENAI_API_KEY": "none", **os.environ}
-                yield timed(partial(subprocess.run, command, check=True, capture_output=True, env=environment))
+        yield f"openai:m@http://127.0.0.1:{server.server_address[1]}/v1"
     finally:
         server.shutdown()
         server.server_close()
+
+
+def _endpoint(connections: int) -> Samples:
+    """Evaluate llm-only on the 100 single tasks against an endpoint that takes a second per call."""
+    with slow_endpoint() as spec:
+        for _ in range(3):
+            with tempfile.TemporaryDirectory() as folder:
+                arguments = ["--agents", "llm-only", "--planner", spec, "--kind", "single", "--quiet", "--out", folder]
+                command = [sys.executable, "-m", "eval", "eval", *arguments, "--connections", str(connections)]
+                yield timed(partial(subprocess.run, command, check=True, capture_output=True))
 
 
 AGENTS: tuple[Measurement, ...] = (

@@ -67,6 +67,8 @@ class GraphEncoder:
         self._searched: frozenset[str] = frozenset()  # as marked in the rows of the graph, and in `searched`
         self._searched_rooms: frozenset[str] = frozenset()
         self._searched_row = np.zeros(MAX_ROOMS, np.int8)
+        self._edges = np.zeros((0, 2, 3), np.int64)  # of an object: to what it is on or in, and to its room
+        self._has = np.zeros((0, 2), np.bool_)  # which of the two there are
         self._links: NDArray[np.int32] = np.zeros((0, 2), np.int32)
         self._types: NDArray[np.int64] = np.zeros(0, np.int64)
 
@@ -130,8 +132,7 @@ class GraphEncoder:
         self.update(graph)
         last = self._graph
         if last is None or graph.supports is not last.supports or graph.next_to is not last.next_to:
-            self._place(observed)
-            self._link(graph)
+            self._follow(observed)
         if observed.searched != self._searched:
             self._searched = observed.searched
             self._rows[[self.node[r] for r in sorted(observed.searched)], _SEARCHED] = 1
@@ -160,34 +161,49 @@ class GraphEncoder:
         links[here:, 0], links[here:, 1], types[here:] = with_robot, room, EdgeType.ROOM_INSIDE
         return GraphInstance(nodes=nodes, edges=types, edge_links=links)
 
-    def _place(self, observed: Observed) -> None:
+    def _follow(self, observed: Observed) -> None:
+        """Bring places and edges up to date of what is new or was moved, with what is on or in it."""
         graph = observed.graph
-        first = 1 + len(self.rooms)
-        rooms = [graph.room_of(o) for o in self.objects]
-        self._rows[first:, _ROOM] = [-1 if r is None else self.node[r] for r in rooms]
-        self._rows[first:, [_X, _Y]] = [observed.positions[o] for o in self.objects] or np.zeros((0, 2))
-
-    def _link(self, graph: SceneGraph) -> None:
-        """Rebuild the edges that do not change while the robot drives."""
-        node = self.node
-        carried = set() if graph.holding is None else {graph.holding, *graph.descendants(graph.holding)}
-        edges = [(EdgeType.ROOM_CONNECT, node[a], node[b]) for a, b in sorted(graph.world.connections)]
-        rooms = self._rows[:, _ROOM].astype(int)
-        for obj in self.objects:
-            support = graph.supports.get(obj)
+        before = {} if self._graph is None else self._graph.supports
+        known = len(self._has)
+        fresh = len(self.objects) - known
+        self._edges = np.concatenate([self._edges, np.zeros((fresh, 2, 3), np.int64)])
+        self._has = np.concatenate([self._has, np.zeros((fresh, 2), np.bool_)])
+        moved = [obj for obj in self.objects[:known] if graph.supports.get(obj) is not before.get(obj)]
+        changed = {*moved, *(below for obj in moved for below in graph.descendants(obj)), *self.objects[known:]}
+        held = graph.holding
+        carried = set() if held is None else {held, *graph.descendants(held)}
+        for obj in changed:
+            node = self.node[obj]
+            index = node - 1 - len(self.rooms)
+            room, support = graph.room_of(obj), graph.supports.get(obj)
+            in_room = -1 if room is None else self.node[room]
+            self._rows[node, _ROOM] = in_room
+            self._rows[node, [_X, _Y]] = observed.positions[obj]
+            self._has[index] = False
             if support is None:
                 continue
             if support.relation is Relation.HELD:
-                edges.append((EdgeType.HOLDING, 0, node[obj]))
-            else:
-                if support.relation in _EDGES:
-                    edges.append((_EDGES[support.relation], node[obj], node[support.holder]))
-                if rooms[node[obj]] >= 0 and obj not in carried:
-                    edges.append((EdgeType.ROOM_INSIDE, node[obj], int(rooms[node[obj]])))
+                self._edges[index, 0] = EdgeType.HOLDING, 0, node
+                self._has[index, 0] = True
+            elif support.relation in _EDGES:
+                self._edges[index, 0] = _EDGES[support.relation], node, self.node[support.holder]
+                self._has[index, 0] = True
+            if in_room >= 0 and obj not in carried:
+                self._edges[index, 1] = EdgeType.ROOM_INSIDE, node, in_room
+                self._has[index, 1] = True
+        self._join(graph)
+
+    def _join(self, graph: SceneGraph) -> None:
+        """Put together the edges that do not change while the robot drives."""
+        node = self.node
+        rooms = [(EdgeType.ROOM_CONNECT, node[a], node[b]) for a, b in sorted(graph.world.connections)]
+        beside = []
         for a, b in sorted(graph.next_to):
-            edges.append((EdgeType.NEXT_TO, node[a], node[b]))
-            edges.extend((EdgeType.UNDER, node[x], node[y]) for x, y in ((a, b), (b, a)) if graph.beneath(x, y))
-        table = np.array(edges, np.int64).reshape(-1, 3)
+            beside.append((EdgeType.NEXT_TO, node[a], node[b]))
+            beside.extend((EdgeType.UNDER, node[x], node[y]) for x, y in ((a, b), (b, a)) if graph.beneath(x, y))
+        parts = [np.array(edges, np.int64).reshape(-1, 3) for edges in (rooms, beside)]
+        table = np.concatenate([parts[0], self._edges[self._has], parts[1]])
         self._types = table[:, 0]
         self._links = table[:, 1:].astype(np.int32)
 

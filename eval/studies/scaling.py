@@ -1,0 +1,244 @@
+"""`python -m eval.studies.scaling`: how cost grows with objects, floor, tasks, episodes, workers and connections.
+
+Every curve is drawn with the exponent k of the fit cost = c * size^k. Needs the extra `[plots]` for the picture.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from eval.studies.bench_agents import slow_endpoint
+from eval.studies.bench_world import instructions, make, reset
+from eval.studies.measuring import timed
+from eval.studies.plots import figure, fitted_exponent
+from gavel_env.exchange import EnvAction
+from gavel_env.house.scenes import Scene, load_scene
+from gavel_env.world_model.actions import Action, Primitive
+
+__all__ = ["CURVES", "Curve", "main"]
+
+Points = Iterator[tuple[float, float]]
+
+# From 22 to 6,980 objects, and from 13 m² to 1,570 m².
+_BY_OBJECTS = (
+    "gates_bedroom",
+    "Pomaria_0_int",
+    "Rs_int",
+    "Beechwood_0_int",
+    "restaurant_cafeteria",
+    "house_double_floor_lower",
+    "office_bike",
+    "school_gym",
+    "house_single_floor",
+    "restaurant_asian",
+    "grocery_store_convenience",
+    "hall_conference_large",
+    "grocery_store_cafe",
+)
+_BY_FLOOR = ("gates_bedroom", "Rs_int", "Ihlen_1_int", "Beechwood_0_int", "office_large", "house_single_floor")
+
+
+class Curve(NamedTuple):
+    """One panel.
+
+    Attributes:
+        size: what grows.
+        cost: what it costs.
+        points: yields (size, cost).
+    """
+
+    size: str
+    cost: str
+    points: Callable[[], Points]
+
+
+def _objects(scene: Scene) -> int:
+    return len(scene.furniture) + len(scene.items)
+
+
+def _record(scene: Scene) -> dict[str, Any]:
+    """Return an errand that any scene affords: a ball from the floor of its first room onto its first surface."""
+    from gavel_env.world_model.ontology import default_ontology
+
+    place = next(p for p in scene.furniture if default_ontology()[p.category].surface)
+    task = {"text": "Move the ball.", "goal": [f"on_top(tennis_ball, {place.id})"], "reference_plan": []}
+    ball = {"category": "tennis_ball", "relation": "floor", "target": scene.rooms[0].id}
+    return {"id": scene.scene, "scene": scene.scene, "text": "Move the ball.", "placements": [ball], "tasks": [task]}
+
+
+def _in_scenes(cost: Callable[[Any, dict[str, Any]], float], scenes: Sequence[str] = _BY_OBJECTS) -> Points:
+    import gymnasium as gym
+
+    import gavel_env  # noqa: F401  (registers the environments)
+
+    for name in scenes:
+        scene = load_scene(name)
+        options = {"max_nodes": 20_000, "on_violation": "noop", "max_episode_steps": 10**9}
+        env = gym.make("Gavel-SingleTask-v0", instructions=[_record(scene)], disable_env_checker=True, **options)
+        env.reset(seed=0)
+        yield float(_objects(scene)), cost(env, {})
+
+
+def _reset_ms(env: Any, _: Mapping[str, Any]) -> float:
+    return 1e3 * statistics.median(timed(lambda: env.reset(seed=0)) for _ in range(5))
+
+
+def _step_us(env: Any, _: Mapping[str, Any]) -> float:
+    """Take up and drop something with everything observed: the graph changes, nothing is driven."""
+    env.unwrapped.reveal()
+    env.step(EnvAction(Primitive.NAVIGATE_TO, "tennis_ball"))
+    graph = env.unwrapped.observed.graph
+    ball = next(iter(sorted(graph.near & set(graph.world.instances("tennis_ball")))))
+    both = (EnvAction(Primitive.GRASP, ball), EnvAction(Primitive.RELEASE))
+    return 1e6 * statistics.median(timed(lambda: [env.step(action) for action in both]) / 2 for _ in range(30))
+
+
+def _search_s() -> Points:
+    from gavel_env.house.floor_map import floor_map
+    from gavel_env.instructions.initial_graph import scene_graph
+    from gavel_env.sim.executor import Executor
+    from gavel_env.world_model.ontology import default_ontology
+
+    for name in _BY_FLOOR:
+        scene = load_scene(name)
+        graph = scene_graph(scene)
+        missing = next(category for category in default_ontology() if category not in graph.world.by_category)
+        Executor(scene, graph).step(Action(Primitive.NAVIGATE_TO, missing))
+        executor = Executor(scene, graph)
+        spent = timed(lambda: executor.step(Action(Primitive.NAVIGATE_TO, missing)))  # noqa: B023
+        yield float(floor_map(scene).floor.sum()) / 100.0, spent
+
+
+def _planning_ms() -> Points:
+    """Understand, verify and order with the certified plans in a model's place, medians over 15 instructions each."""
+    import gavel_agents
+
+    env, _ = make("symbolic")
+    for count in (2, 3, 4, 5):
+        chosen = [i for i in instructions("multi").values() if len(i.tasks) == count][:15]
+        spent = []
+        for instruction in chosen:
+            info = reset(env, instruction)
+            agent = gavel_agents.make("gavel-full", understanding="reference", planner="reference:multi")
+            agent.reset({}, info)
+            spent.append(timed(lambda: agent.reset({}, info)))  # noqa: B023
+        yield float(count), 1e3 * statistics.median(spent)
+
+
+def _memory_mb() -> Points:
+    """Play 10,000 episodes of masked random actions, ten steps each, and look at the most memory so far."""
+    import gymnasium as gym
+    import numpy as np
+
+    import gavel_env  # noqa: F401  (registers the environments)
+
+    env: Any = gym.make("Gavel-RL-v0", level="easy", disable_env_checker=True)
+    rng = np.random.default_rng(0)
+    _, info = env.reset(seed=0)
+    for episode in range(1, 10_001):
+        for _ in range(10):
+            *_, terminated, truncated, info = env.step(int(rng.choice(np.flatnonzero(info["action_mask"]))))
+            if terminated or truncated:
+                break
+        _, info = env.reset()
+        if episode in (100, 300, 1_000, 3_000, 10_000):
+            unit = 2**20 if sys.platform == "darwin" else 2**10
+            yield float(episode), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+
+
+def _evaluation_s(*arguments: str) -> float:
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "eval", "eval", *arguments, "--quiet", "--out", folder]
+        begun = time.perf_counter()
+        subprocess.run(command, check=True, capture_output=True)
+        return time.perf_counter() - begun
+
+
+def _episodes_s() -> Points:
+    for count in (25, 50, 100, 200, 400):
+        yield (
+            float(count),
+            _evaluation_s(
+                "--agents", "gavel-full", "--planner", "reference:multi", "--kind", "multi", "--limit", str(count)
+            ),
+        )
+
+
+def _workers_s() -> Points:
+    for workers in (1, 2, 4):
+        chosen = ("--agents", "gavel-full", "--planner", "reference:multi", "--kind", "multi", "--limit", "400")
+        yield float(workers), _evaluation_s(*chosen, "--workers", str(workers))
+
+
+def _connections_s() -> Points:
+    with slow_endpoint() as spec:
+        for connections in (1, 2, 4, 8, 16, 32):
+            chosen = ("--agents", "llm-only", "--planner", spec, "--kind", "single", "--limit", "32")
+            yield float(connections), _evaluation_s(*chosen, "--connections", str(connections))
+
+
+CURVES: tuple[Curve, ...] = (
+    Curve("objects in the scene", "reset, ms", lambda: _in_scenes(_reset_ms)),
+    Curve("objects observed", "step without driving, µs", lambda: _in_scenes(_step_us)),
+    Curve("floor, m²", "search of the whole house, s", _search_s),
+    Curve("tasks of an instruction", "planning of gavel-full, ms", _planning_ms),
+    Curve("episodes evaluated", "wall clock, s", _episodes_s),
+    Curve("worker processes, 400 episodes", "wall clock, s", _workers_s),
+    Curve("connections, 32 calls of 1 s", "wall clock, s", _connections_s),
+    Curve("episodes in one process", "most memory, MB", _memory_mb),
+)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure the curves, print their points and exponents, and draw them.
+
+    Args:
+        argv: arguments after the program's name; None = those of the process.
+    """
+    parser = argparse.ArgumentParser(prog="python -m eval.studies.scaling", description="How cost grows.")
+    parser.add_argument("--only", metavar="TEXT", help="only curves whose axes have this text")
+    parser.add_argument("--png", type=Path, metavar="FILE", help="draw them")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the points")
+    arguments = parser.parse_args(argv)
+    chosen = [c for c in CURVES if arguments.only is None or arguments.only.lower() in f"{c.size} {c.cost}".lower()]
+    found: dict[Curve, list[tuple[float, float]]] = {}
+    for curve in chosen:
+        found[curve] = sorted(curve.points())
+        exponent, _ = fitted_exponent(*zip(*found[curve], strict=True))
+        points = ", ".join(f"{size:,.0f}: {cost:,.3g}" for size, cost in found[curve])
+        print(f"{curve.cost} against {curve.size}: k = {exponent:.2f} ({points})", flush=True)
+    if arguments.json is not None:
+        table = [{"size": c.size, "cost": c.cost, "points": points} for c, points in found.items()]
+        arguments.json.write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", "utf-8")
+    if arguments.png is not None:
+        _draw(found, arguments.png)
+    return 0
+
+
+def _draw(found: Mapping[Curve, Sequence[tuple[float, float]]], path: Path) -> None:
+    columns = min(2, len(found))
+    drawing, axes = figure(columns, -(-len(found) // columns))
+    flat = axes.flat if len(found) > 1 else [axes]
+    for ax, (curve, points) in zip(flat, found.items(), strict=False):
+        sizes, costs = zip(*points, strict=True)
+        exponent, factor = fitted_exponent(sizes, costs)
+        ax.loglog(sizes, costs, "o", color="tab:brown")
+        ax.loglog(sizes, [factor * size**exponent for size in sizes], color="0.6", label=f"k = {exponent:.2f}")
+        ax.set(xlabel=curve.size, ylabel=curve.cost)
+        ax.set_ylim(min(costs) / 2, max(costs) * 2)
+        ax.legend(loc="upper left")
+    drawing.savefig(path)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
