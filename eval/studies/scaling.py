@@ -45,6 +45,7 @@ _BY_OBJECTS = (
     "hall_conference_large",
     "grocery_store_cafe",
 )
+_GAVEL = ("--agents", "gavel-full", "--planner", "reference:multi", "--kind", "multi")
 _BY_FLOOR = ("gates_bedroom", "Rs_int", "Ihlen_1_int", "Beechwood_0_int", "office_large", "house_single_floor")
 
 
@@ -76,24 +77,30 @@ def _record(scene: Scene) -> dict[str, Any]:
     return {"id": scene.scene, "scene": scene.scene, "text": "Move the ball.", "placements": [ball], "tasks": [task]}
 
 
-def _in_scenes(cost: Callable[[Any, dict[str, Any]], float], scenes: Sequence[str] = _BY_OBJECTS) -> Points:
+def _in_scenes(cost: Callable[[Any], float], scenes: Sequence[str] = _BY_OBJECTS) -> Points:
     import gymnasium as gym
 
     import gavel_env  # noqa: F401  (registers the environments)
 
     for name in scenes:
         scene = load_scene(name)
-        options = {"max_nodes": 20_000, "on_violation": "noop", "max_episode_steps": 10**9}
-        env = gym.make("Gavel-SingleTask-v0", instructions=[_record(scene)], disable_env_checker=True, **options)
+        env = gym.make(
+            "Gavel-SingleTask-v0",
+            instructions=[_record(scene)],
+            on_violation="noop",
+            max_nodes=20_000,
+            max_episode_steps=10**9,
+            disable_env_checker=True,
+        )
         env.reset(seed=0)
-        yield float(_objects(scene)), cost(env, {})
+        yield float(_objects(scene)), cost(env)
 
 
-def _reset_ms(env: Any, _: Mapping[str, Any]) -> float:
+def _reset_ms(env: Any) -> float:
     return 1e3 * statistics.median(timed(lambda: env.reset(seed=0)) for _ in range(5))
 
 
-def _step_us(env: Any, _: Mapping[str, Any]) -> float:
+def _step_us(env: Any) -> float:
     """Take up and drop something with everything observed: the graph changes, nothing is driven."""
     env.unwrapped.reveal()
     env.step(EnvAction(Primitive.NAVIGATE_TO, "tennis_ball"))
@@ -166,18 +173,12 @@ def _evaluation_s(*arguments: str) -> float:
 
 def _episodes_s() -> Points:
     for count in (25, 50, 100, 200, 400):
-        yield (
-            float(count),
-            _evaluation_s(
-                "--agents", "gavel-full", "--planner", "reference:multi", "--kind", "multi", "--limit", str(count)
-            ),
-        )
+        yield float(count), _evaluation_s(*_GAVEL, "--limit", str(count))
 
 
 def _workers_s() -> Points:
     for workers in (1, 2, 4):
-        chosen = ("--agents", "gavel-full", "--planner", "reference:multi", "--kind", "multi", "--limit", "400")
-        yield float(workers), _evaluation_s(*chosen, "--workers", str(workers))
+        yield float(workers), _evaluation_s(*_GAVEL, "--limit", "400", "--workers", str(workers))
 
 
 def _connections_s() -> Points:

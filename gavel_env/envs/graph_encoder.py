@@ -162,14 +162,14 @@ class GraphEncoder:
         return GraphInstance(nodes=nodes, edges=types, edge_links=links)
 
     def _follow(self, observed: Observed) -> None:
-        """Bring places and edges up to date of what is new or was moved, with what is on or in it."""
+        """Bring places and edges up to date of what is new, or was taken up or put down, with what is on or in it."""
         graph = observed.graph
-        before = {} if self._graph is None else self._graph.supports
         known = len(self._has)
         fresh = len(self.objects) - known
         self._edges = np.concatenate([self._edges, np.zeros((fresh, 2, 3), np.int64)])
         self._has = np.concatenate([self._has, np.zeros((fresh, 2), np.bool_)])
-        moved = [obj for obj in self.objects[:known] if graph.supports.get(obj) is not before.get(obj)]
+        handled = {graph.holding, None if self._graph is None else self._graph.holding} - {None}
+        moved = [obj for obj in handled if obj in graph.world.nodes]
         changed = {*moved, *(below for obj in moved for below in graph.descendants(obj)), *self.objects[known:]}
         held = graph.holding
         carried = set() if held is None else {held, *graph.descendants(held)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 
 import msgspec
@@ -64,6 +65,16 @@ def _scene_graph(key: _ById, ontology: Ontology) -> SceneGraph:
     return SceneGraph(world, supports, {holder: tuple(sorted(held)) for holder, held in contents.items()})
 
 
+@lru_cache(maxsize=64)
+def _free_indices(key: _ById, ontology: Ontology) -> Mapping[str, int]:
+    """Return category -> the first index that no object of a scene has."""
+    counts: dict[str, int] = {}
+    for obj in _scene_graph(key, ontology).world.nodes:
+        name = category_of(obj)
+        counts[name] = max(counts.get(name, 0), int(obj.rsplit("_", 1)[1]) + 1 if obj != name else 0)
+    return counts
+
+
 def instruction_graph(scene: Scene, instruction: Instruction, ontology: Ontology | None = None) -> SceneGraph:
     """Return G*_0: the scene's graph with the instruction's movables and initial states.
 
@@ -74,10 +85,7 @@ def instruction_graph(scene: Scene, instruction: Instruction, ontology: Ontology
     ontology = ontology or default_ontology()
     graph = scene_graph(scene, ontology)
     place = f"instruction {instruction.id!r}"
-    counts: dict[str, int] = {}
-    for obj in graph.world.nodes:
-        name = category_of(obj)
-        counts[name] = max(counts.get(name, 0), int(obj.rsplit("_", 1)[1]) + 1 if obj != name else 0)
+    counts = dict(_free_indices(_ById(scene), ontology))
     nodes: dict[str, Node] = {}
     ids: list[str] = []
     for index, placement in enumerate(instruction.placements):

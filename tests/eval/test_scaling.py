@@ -1,0 +1,53 @@
+"""Scaling curves: the fitted exponent, and that curves can be measured and drawn."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eval.studies import scaling
+from eval.studies.plots import fitted_exponent
+from eval.studies.scaling import CURVES, Curve, main
+from gavel_env.errors import NotInstalled
+
+
+def test_the_exponent_is_that_of_the_power_law() -> None:
+    sizes = np.array([1.0, 10.0, 100.0, 1000.0])
+    assert fitted_exponent(sizes, 3.0 * sizes**1.5) == pytest.approx((1.5, 3.0))
+    assert fitted_exponent(sizes, np.full(4, 7.0)) == pytest.approx((0.0, 7.0))
+
+
+def test_points_are_printed_and_written(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    square = Curve("things", "work, s", lambda: iter([(2.0, 4.0), (1.0, 1.0), (4.0, 16.0)]))
+    monkeypatch.setattr(scaling, "CURVES", (square,))
+    assert main(["--json", str(tmp_path / "points.json")]) == 0
+    assert "work, s against things: k = 2.00 (1: 1, 2: 4, 4: 16)" in capsys.readouterr().out
+    [found] = json.loads((tmp_path / "points.json").read_text("utf-8"))
+    assert found == {"size": "things", "cost": "work, s", "points": [[1, 1], [2, 4], [4, 16]]}
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        with pytest.raises(NotInstalled, match=r"gavel-env\[plots\]"):
+            main(["--png", str(tmp_path / "curves.png")])
+    else:
+        assert main(["--png", str(tmp_path / "curves.png")]) == 0
+        assert (tmp_path / "curves.png").stat().st_size > 5_000
+
+
+def test_cost_against_objects_is_measured_in_growing_scenes() -> None:
+    points = list(scaling._in_scenes(scaling._reset_ms, ("gates_bedroom", "Rs_int")))
+    assert [size for size, _ in points] == [22.0, 63.0]
+    assert all(0.0 < cost < 1000.0 for _, cost in points)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("curve", CURVES, ids=lambda curve: curve.size)
+def test_every_curve_can_be_measured(curve: Curve) -> None:
+    points = list(curve.points())
+    assert len(points) >= 3
+    assert all(size > 0 and cost > 0 for size, cost in points)
