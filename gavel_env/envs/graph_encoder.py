@@ -168,8 +168,8 @@ class GraphEncoder:
         fresh = len(self.objects) - known
         self._edges = np.concatenate([self._edges, np.zeros((fresh, 2, 3), np.int64)])
         self._has = np.concatenate([self._has, np.zeros((fresh, 2), np.bool_)])
-        handled = {graph.holding, None if self._graph is None else self._graph.holding} - {None}
-        moved = [obj for obj in handled if obj in graph.world.nodes]
+        handled = {graph.holding, None if self._graph is None else self._graph.holding}
+        moved = [obj for obj in handled if obj is not None]
         changed = {*moved, *(below for obj in moved for below in graph.descendants(obj)), *self.objects[known:]}
         held = graph.holding
         carried = set() if held is None else {held, *graph.descendants(held)}
