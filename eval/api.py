@@ -133,6 +133,7 @@ def evaluate(
     planner: str | Sequence[str] = (),
     understanding: str = "reference",
     prior: str = "choice",
+    cost: str | Sequence[str] = (),
     seeds: Sequence[int] = (0,),
     sample: int | None = None,
     limit: int | None = None,
@@ -153,6 +154,7 @@ def evaluate(
             default for a shipped file: its recording of a real model, or the reference plans.
         understanding: `reference`, `rules`, `adapter` or `llm`.
         prior: location prior, `choice`, `rsn` or `uniform`.
+        cost: what methods that order go by, `paper`, `carried` or `simulated`, or several; default each method's own.
         seeds: one episode per seed.
         sample: keep so many instructions, drawn by the hash of their ids.
         limit: keep the first so many of those.
@@ -182,6 +184,7 @@ def evaluate(
         planners=planners,
         understanding=understanding,
         prior=prior,
+        costs=[cost] if isinstance(cost, str) else cost,
     )
     plan = schedule(contestants, _sets(instructions), seeds, sampled=sample, limit=limit, settings=settings)
     folder = Path(tempfile.mkdtemp(prefix="gavel-")) if out is None else Path(out)

@@ -19,7 +19,6 @@ from gavel_env.errors import AgentNameTaken, BadOption, UnknownAgent, UnknownOpt
 if TYPE_CHECKING:
     from gavel_agents.beliefs.belief import Prior, load_prior
     from gavel_agents.llm import ChatModel, load_model
-    from gavel_agents.methods import Cost
     from gavel_agents.understanding import Understanding, load_understanding
     from gavel_agents.verification import Verified
     from gavel_env.instructions.record import Instruction
@@ -94,7 +93,7 @@ def make(
     profile: Profile | str = "paper",
     ontology: Ontology | None = None,
     on_surprise: Literal["stop", "next"] = "next",
-    cost: Cost | None = None,
+    cost: str | None = None,
     coverage_width_m: float | None = None,
     seed: int | None = None,
     model: ChatModel | None = None,

@@ -50,6 +50,13 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--prior", default="choice", metavar="NAME", help="location prior: choice (default), rsn or uniform"
     )
+    what.add_argument(
+        "--cost",
+        type=names,
+        default=(),
+        metavar="A,B",
+        help="what methods that order go by: paper (J as printed), carried (default), simulated; not gavel-plus",
+    )
     what.add_argument("--seeds", type=seeds, default=(0,), metavar="0,1", help="default: 0")
     what.add_argument("--sample", type=positive, metavar="N", help="only N of each kind, drawn by the hash of the id")
     what.add_argument("--limit", type=positive, metavar="N", help="only the first N of them")
@@ -88,6 +95,7 @@ def _eval(arguments: argparse.Namespace) -> int:
         given=arguments.planner,
         understanding=arguments.understanding,
         prior=arguments.prior,
+        costs=arguments.cost,
     )
     if not arguments.agents:
         contestants = tuple(filter(compared_by_default, contestants))

@@ -51,6 +51,11 @@ def _add_what(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--prior", default="choice", metavar="NAME", help="location prior: choice (default), rsn or uniform"
     )
+    what.add_argument(
+        "--cost",
+        choices=("paper", "carried", "simulated"),
+        help="what methods that order go by: J as printed, carried (default) or simulated",
+    )
     what.add_argument("--seeds", type=seeds, metavar="0,1", help="default: 0,1,2,3,4 where a planner samples, else 0")
     what.add_argument(
         "--sample", type=positive, metavar="N", help="only N of the instructions, drawn by the hash of the id"
@@ -90,6 +95,7 @@ def _tables(arguments: argparse.Namespace, name: str, out: Path) -> tuple[list[G
         agents=arguments.agents,
         understanding=arguments.understanding,
         prior=arguments.prior,
+        costs=[arguments.cost] if arguments.cost else (),
         seeds=arguments.seeds,
         sampled=arguments.sample,
         limit=arguments.limit,

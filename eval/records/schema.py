@@ -14,6 +14,7 @@ import msgspec
 
 from eval.records.sampling import sample
 from gavel_agents.agent import AgentTrace
+from gavel_env.exchange import ReturnWhen
 
 __all__ = [
     "OUTCOMES",
@@ -69,6 +70,7 @@ class Step(msgspec.Struct, frozen=True, omit_defaults=True):
         detail: the violation in full, with its blocker.
         search_prior: room -> weight, the order in which the agent asked rooms to be searched.
         other_than: observed ids that the target was not to be.
+        return_when: when the search was to come back early.
     """
 
     action: str
@@ -79,6 +81,7 @@ class Step(msgspec.Struct, frozen=True, omit_defaults=True):
     detail: str = ""
     search_prior: dict[str, float] = {}
     other_than: tuple[str, ...] = ()
+    return_when: ReturnWhen | None = None
 
 
 class Usage(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -105,6 +108,7 @@ class Contestant(msgspec.Struct, frozen=True, omit_defaults=True):
         planner: spec of the language model, such as `scripted:FILE`; empty for agents that need none.
         understanding: name of the task understanding.
         prior: name of the location prior.
+        cost: what it orders tasks by, `paper`, `carried` or `simulated`; empty for agents that do not order.
         config: stamp of the above, of the files they name, and of the environment's settings.
         privileged: sees the hidden state.
         kinds: kinds of instructions that it is run on; empty = all.
@@ -119,6 +123,7 @@ class Contestant(msgspec.Struct, frozen=True, omit_defaults=True):
     privileged: bool = False
     kinds: tuple[str, ...] = ()
     sample: int | None = None
+    cost: str = ""
 
     def takes(self, kind: str) -> bool:
         """Return whether it is run on instructions of this kind."""

@@ -99,7 +99,7 @@ _STAGES = {
     "validate": "Validate (s)",
     "order": "Order (s)",
 }
-CHOICES = ("planner", "understanding", "prior")
+CHOICES = ("planner", "understanding", "prior", "cost")
 
 
 def grids(results: Results, *, failures: bool = False, costs: bool = False) -> tuple[Grid, ...]:

@@ -11,12 +11,13 @@ from eval.run.rig import ENVIRONMENTS
 from eval.run.runner import contestant
 from gavel_agents.llm import BadPlannerSpec
 from gavel_agents.llm.replay import ShippedRecording, shipped_recordings
-from gavel_agents.methods import METHODS
-from gavel_env.errors import UnknownAgent
+from gavel_agents.methods import COSTS, METHODS
+from gavel_env.errors import BadOption, UnknownAgent
 
 __all__ = ["ORDER", "choose", "compared_by_default", "default_agents", "default_planners", "needs_planner"]
 
-ORDER = ("llm-only", "sayplan", "llm+p", "epog", "gavel-basic", "gavel-map", "gavel-static", "gavel-full", "oracle")
+ORDER = ("llm-only", "sayplan", "llm+p", "epog", "gavel-basic", "gavel-map", "gavel-static", "gavel-full", "gavel-plus",
+         "oracle")  # fmt: skip
 """The agents of a run that names none, in the order of the paper's tables; `react` runs where it is named."""
 
 _ALIASES = {"gavel": "gavel-full"}
@@ -77,6 +78,7 @@ def choose(
     given: Sequence[str] | None = None,
     understanding: str = "reference",
     prior: str = "choice",
+    costs: Sequence[str] = (),
 ) -> tuple[Contestant, ...]:
     """Return the contestants: each agent once per planner, or once if it needs none.
 
@@ -90,11 +92,16 @@ def choose(
             planner that is shipped.
         understanding: name of the task understanding.
         prior: name of the location prior.
+        costs: what methods that order compare orders by, each method once per cost; default each method's own, which
+            gavel-plus keeps.
 
     Raises:
         UnknownAgent: with the nearest names.
         BadPlannerSpec: an agent needs a planner and there is none.
     """
+    for cost in costs:
+        if cost not in COSTS:
+            raise BadOption(f"cost is {cost!r}; known: {', '.join(map(repr, COSTS))}")
     known = gavel_agents.agent_names()
     chosen: list[Contestant] = []
     for name in agents:
@@ -110,7 +117,8 @@ def choose(
                 one = contestant(agent, settings, planner=spec, understanding=understanding, prior=prior, kinds=kinds)
                 chosen.append(one)
         elif agent in METHODS and not needs_planner(agent):
-            chosen.append(contestant(agent, settings, understanding=understanding, prior=prior))
+            for cost in _costs_of(agent, costs):
+                chosen.append(contestant(agent, settings, understanding=understanding, prior=prior, cost=cost))
         else:
             if needs_planner(agent) and not planners:
                 raise BadPlannerSpec(
@@ -121,18 +129,28 @@ def choose(
             for kinds, spec in map(_for_kind, (planners if ours or given is None else given) or ("",)):
                 planner = _with_engine(spec)
                 recording = _shipped(planner)
-                chosen.append(
-                    contestant(
-                        agent,
-                        settings,
-                        planner=planner,
-                        understanding="" if agent == "react" else understanding,
-                        prior="" if agent == "react" else prior,
-                        kinds=kinds,
-                        sampled=recording.sample if recording else None,
+                for cost in _costs_of(agent, costs):
+                    chosen.append(
+                        contestant(
+                            agent,
+                            settings,
+                            planner=planner,
+                            understanding="" if agent == "react" else understanding,
+                            prior="" if agent == "react" else prior,
+                            cost=cost,
+                            kinds=kinds,
+                            sampled=recording.sample if recording else None,
+                        )
                     )
-                )
     return tuple(dict.fromkeys(chosen))
+
+
+def _costs_of(agent: str, costs: Sequence[str]) -> tuple[str, ...]:
+    """Return the costs that an agent is run with; one empty one for an agent that does not order."""
+    config = METHODS.get(agent)
+    if config is None or config.order == "written":
+        return ("",)
+    return (config.cost,) if config.rooms == "simulated" or not costs else tuple(costs)
 
 
 def _with_engine(planner: str) -> str:

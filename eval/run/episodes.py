@@ -100,6 +100,7 @@ def step_record(action: EnvAction, info: Mapping[str, Any]) -> Step:
         detail="" if violation is None else str(violation),
         search_prior=dict(action.search_prior or {}),
         other_than=tuple(action.other_than),
+        return_when=action.return_when,
     )
 
 

@@ -195,6 +195,7 @@ class Rig:
             planner=model,
             prior=contestant.prior or "choice",
             profile=self.settings.profile,
+            cost=contestant.cost or None,
             seed=seed,
         )
 

@@ -34,6 +34,7 @@ from eval.run.limits import Limits, check_endpoints, within
 from eval.run.planners import default_connections
 from eval.run.rig import Finished
 from eval.run.workers import groups_of, run_episodes
+from gavel_agents.methods import METHODS
 from gavel_env.errors import DataError, Unencodable
 from gavel_env.instructions.record import Instruction, InstructionSet
 
@@ -104,14 +105,17 @@ def contestant(
     planner: str = "",
     understanding: str = "",
     prior: str = "",
+    cost: str = "",
     privileged: bool = False,
     kinds: Sequence[str] = (),
     sampled: int | None = None,
 ) -> Contestant:
     """Return a contestant with its stamp: of the names, of the content of files that they name, and of the settings."""
     contents = [file_stamp(file) for spec in (planner, understanding, prior) if (file := _named_file(spec))]
-    config = stamp(agent, planner, understanding, prior, contents, settings)
-    return Contestant(agent, planner, understanding, prior, config, privileged, tuple(kinds), sampled)
+    own = METHODS[agent].cost if agent in METHODS else ""
+    choices = (agent, planner, understanding, prior, *([cost] if cost not in ("", own) else []))
+    config = stamp(*choices, contents, settings)
+    return Contestant(agent, planner, understanding, prior, config, privileged, tuple(kinds), sampled, cost)
 
 
 _SHIPPED = {"replay": "recordings/{}.jsonl.gz", "reference": "instructions/{}.jsonl"}

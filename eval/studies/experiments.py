@@ -118,6 +118,7 @@ def planned(
     agents: Sequence[str] = (),
     understanding: str = "reference",
     prior: str = "choice",
+    costs: Sequence[str] = (),
     seeds: Sequence[int] | None = None,
     sampled: int | None = None,
     limit: int | None = None,
@@ -135,6 +136,7 @@ def planned(
         agents: besides those of the experiment, such as one's own.
         understanding: of all of them.
         prior: location prior of all of them.
+        costs: what those that order go by; default each method's own.
         seeds: default those of `seeds_for`.
         sampled: only so many of the instructions, drawn by the hash of their ids.
         limit: only the first so many.
@@ -152,7 +154,9 @@ def planned(
         recording = shipped_recordings().get(experiment.kind)
         every, sampled = (every, sampled) if recording is None else (1, sampled or recording.sample)
     names = (*experiment.agents, *(name for name in agents if name not in experiment.agents))
-    chosen = choose(names, settings, planners=given, given=planners, understanding=understanding, prior=prior)
+    chosen = choose(
+        names, settings, planners=given, given=planners, understanding=understanding, prior=prior, costs=costs
+    )
     if not planners:
         chosen = tuple(one for one in chosen if one.agent in agents or _says_something(one))
     return schedule(

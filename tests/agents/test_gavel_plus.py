@@ -107,7 +107,7 @@ def test_every_method_that_orders_takes_every_cost(cost: str) -> None:
 
 def test_costs_that_make_no_sense_are_refused() -> None:
     with pytest.raises(BadOption, match="'paper', 'carried', 'simulated'"):
-        gavel_agents.make("gavel-full", understanding="rules", cost="cheap")  # type: ignore[arg-type]
+        gavel_agents.make("gavel-full", understanding="rules", cost="cheap")
     with pytest.raises(BadOption, match="simulated worlds"):
         gavel_agents.make("gavel-plus", understanding="rules", cost="paper")
 

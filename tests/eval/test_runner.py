@@ -25,7 +25,7 @@ from eval.run.contestants import choose, compared_by_default, default_planners
 from eval.run.episodes import EnvironmentSettings, simplified
 from eval.run.runner import Schedule, contestant, run, schedule
 from gavel_agents.llm.replay import ShippedRecording
-from gavel_env.errors import DataError, GavelError, UnknownAgent
+from gavel_env.errors import BadOption, DataError, GavelError, UnknownAgent
 from gavel_env.instructions.record import InstructionSet, read_instructions, shipped
 
 ROOT = Path(__file__).parents[2]
@@ -370,3 +370,25 @@ def test_a_simplified_route_is_the_same_polyline(moves: list[tuple[int, int]]) -
     assert np.hypot(*np.diff(short, axis=0).T).sum() == pytest.approx(length)
     kept = 1 + sum(a != b for a, b in itertools.pairwise(moves))
     assert len(short) == kept + 1
+
+
+def test_a_method_that_orders_is_run_once_per_cost() -> None:
+    agents = ["gavel-basic", "gavel-full", "gavel-plus", "oracle"]
+    chosen = choose(agents, SETTINGS, planners=["reference:multi"], costs=["paper", "simulated"])
+    assert [(one.agent, one.cost) for one in chosen] == [
+        ("gavel-basic", ""),
+        ("gavel-full", "paper"),
+        ("gavel-full", "simulated"),
+        ("gavel-plus", "simulated"),
+        ("oracle", ""),
+    ]
+    with pytest.raises(BadOption, match="'paper', 'carried', 'simulated'"):
+        choose(agents, SETTINGS, planners=["reference:multi"], costs=["cheap"])
+
+
+def test_a_method_s_own_cost_leaves_its_stamp_as_it_was() -> None:
+    def stamp(cost: str) -> str:
+        return contestant("gavel-full", SETTINGS, planner="reference:multi", cost=cost).config
+
+    assert stamp("") == stamp("carried")
+    assert len({stamp("paper"), stamp("carried"), stamp("simulated")}) == 3
