@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import msgspec
@@ -23,11 +23,11 @@ from gavel_agents.binding import Binder
 from gavel_agents.edits.repair import repair
 from gavel_agents.llm import ChatModel
 from gavel_agents.methods import MethodConfig
-from gavel_agents.ordering.cost import Place, TravelModel, travel_model
-from gavel_agents.ordering.decision import Candidate, ranked_orders, returning_search, shortlist
+from gavel_agents.ordering.cost import TravelModel, travel_model
+from gavel_agents.ordering.decision import Candidate, returning_search
 from gavel_agents.ordering.knowledge import Knowledge, knowledge, localised
-from gavel_agents.ordering.order import expected_costs, orderings
 from gavel_agents.ordering.simulator import Simulator
+from gavel_agents.ordering.situation import Situation
 from gavel_agents.proposing.proposals import Planned, Problem, edited_plans, proposed_plans
 from gavel_agents.understanding import TaskUnderstanding, Understanding
 from gavel_env.exchange import EnvAction, Observed
@@ -129,10 +129,10 @@ class PlanningAgent:
         self._order = list(self._remaining) if self.config.order == "written" else self._reorder(observed)
 
     def _plan(self, observed: Observed) -> Planned:
-        start = self._place(observed)
-        beliefs, cells = self._cost_view(observed)
         travel = self._travel
         assert travel is not None
+        start = travel.at(observed.cell)
+        beliefs, cells = self._cost_view(observed)
 
         def cost(_: SceneGraph, plan: Any) -> float:
             return travel.rollout(plan, start, beliefs, cells).metres
@@ -334,7 +334,7 @@ class PlanningAgent:
             if len(tasks) < 2 and self.trace.expected_m is not None:
                 return tasks
             plans = [self._planned.plans[i] for i in tasks]
-            candidates = self._candidates(plans, observed)
+            candidates = self.situation(observed, tasks).candidates()
             goal = _union([self._tasks[i] for i in tasks])
 
             def passes(candidate: Candidate) -> bool:
@@ -349,19 +349,19 @@ class PlanningAgent:
                 self.trace.expected_m = chosen.metres
             return [tasks[j] for j in chosen.order]
 
-    def _candidates(self, plans: Sequence[Plan], observed: Observed) -> Iterator[Candidate]:
-        """Yield orders of plans by increasing cost."""
+    def situation(self, observed: Observed, tasks: Sequence[int] | None = None) -> Situation:
+        """Return what orders of tasks, by default of all that remain, are compared in."""
         assert self._travel is not None
         beliefs, cells = self._cost_view(observed)
-        costs = expected_costs(self._travel, plans, self._place(observed), beliefs, cells)
-        if self._simulator is None:
-            return (Candidate(order, costs.ordering_cost(order)) for order in orderings(costs))
-        orders = shortlist(orderings(costs), len(plans))
-        return iter(ranked_orders(self._simulator, self._knowledge(observed), plans, orders))
-
-    def _place(self, observed: Observed) -> Place:
-        assert self._travel is not None
-        return self._travel.at(observed.cell)
+        return Situation(
+            [self._planned.plans[i] for i in (self._remaining if tasks is None else tasks)],
+            self._travel,
+            self._travel.at(observed.cell),
+            beliefs,
+            cells,
+            self._simulator,
+            None if self._simulator is None else self._knowledge(observed),
+        )
 
     def _cost_view(self, observed: Observed) -> tuple[dict[str, Floats], dict[str, int]]:
         """Return the beliefs that the cost model sees, and the map cells of what is localised."""

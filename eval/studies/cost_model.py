@@ -1,4 +1,4 @@
-"""How well the ordering cost J predicts the metres that are then driven, and what ordering takes.
+"""How well the cost of an order predicts the metres that are then driven, and what ordering takes.
 
 Plans are the certified reference plans, so that nothing but belief, search and ordering is measured.
 """
@@ -14,7 +14,6 @@ import numpy as np
 import gavel_agents
 import gavel_env  # noqa: F401  (registers the environments)
 from gavel_agents.llm import load_model
-from gavel_agents.ordering.cost import COVERAGE_WIDTH_M
 from gavel_agents.pipeline import PlanningAgent
 from gavel_agents.understanding import ReferenceUnderstanding
 from gavel_env.instructions.record import Instruction, read_instructions, shipped
@@ -38,8 +37,8 @@ class Fit(NamedTuple):
     Attributes:
         tasks: N, or None for all.
         instructions: how many.
-        r_squared: squared correlation of J and metres driven.
-        slope: metres driven per metre of J (least squares through the means).
+        r_squared: squared correlation of metres expected and driven.
+        slope: metres driven per metre expected (least squares through the means).
         expected_m, driven_m: means.
         ordering_ms: median milliseconds of all orderings of one instruction.
     """
@@ -52,12 +51,18 @@ class Fit(NamedTuple):
     driven_m: float
     ordering_ms: float
 
+    @property
+    def bias(self) -> float:
+        """Metres expected per metre driven, less 1."""
+        return self.expected_m / self.driven_m - 1.0
+
 
 def drives(
     source: str = "multi",
     agent: str = "gavel-static",
     prior: str = "choice",
-    coverage_width_m: float = COVERAGE_WIDTH_M,
+    cost: str | None = None,
+    coverage_width_m: float | None = None,
 ) -> Iterator[Drive]:
     """Yield one drive per instruction of a shipped file (or a path).
 
@@ -65,7 +70,8 @@ def drives(
         source: shipped name or path of the instructions.
         agent: a method that orders.
         prior: location prior.
-        coverage_width_m: w_cov.
+        cost: what the method goes by; default its own.
+        coverage_width_m: w_cov of J.
     """
     path = source if source.endswith(".jsonl") else shipped(source)
     instructions: Mapping[str, Instruction] = read_instructions(path)
@@ -75,6 +81,7 @@ def drives(
         understanding=ReferenceUnderstanding(instructions.values()),
         model=load_model(f"reference:{source}"),
         prior=prior,
+        cost=cost,
         coverage_width_m=coverage_width_m,
     )
     assert isinstance(driver, PlanningAgent)

@@ -54,6 +54,7 @@ def ranked_orders(
     known: Knowledge,
     plans: Sequence[Sequence[Action]],
     orders: Sequence[tuple[int, ...]],
+    finalists: int = FINALISTS,
 ) -> list[Candidate]:
     """Return orders by increasing expected metres; ties as they come.
 
@@ -62,22 +63,22 @@ def ranked_orders(
         known: what the agent knows.
         plans: pi_i, one per remaining task.
         orders: to be compared.
+        finalists: how many of them are driven in all worlds.
     """
     things = list(known.belief)
     worlds = simulator.worlds(things, known)
     legs = legs_of(plans, {thing: i for i, thing in enumerate(things)}, known.holding)
     table = np.array(orders, np.int16).reshape(len(orders), -1)
     count = len(worlds.places)
-    few = count if len(orders) <= FINALISTS else min(FIRST_WORLDS, count)
+    few = count if len(orders) <= finalists else min(FIRST_WORLDS, count)
     metres = simulator.metres(worlds, legs, table, span=(0, few)).sum(axis=1)
     best = np.argsort(metres, kind="stable")
     expected = metres / few
     if few < count:
-        finalists = best[:FINALISTS]
-        rest = simulator.metres(worlds, legs, table[finalists], span=(few, count)).sum(axis=1)
-        expected[finalists] = (metres[finalists] + rest) / count
-        final = finalists[np.argsort(expected[finalists], kind="stable")]
-        best = np.concatenate([final, best[FINALISTS:]])
+        final = best[:finalists]
+        rest = simulator.metres(worlds, legs, table[final], span=(few, count)).sum(axis=1)
+        expected[final] = (metres[final] + rest) / count
+        best[:finalists] = final[np.argsort(expected[final], kind="stable")]
     return [Candidate(orders[i], float(expected[i])) for i in best]
 
 

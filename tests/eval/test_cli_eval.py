@@ -119,6 +119,7 @@ def test_a_shipped_recording_of_a_sample_is_in_the_default_table(
         ("gavel-map", "reference:multi"),
         ("gavel-static", "reference:multi"),
         ("gavel-full", "reference:multi"),
+        ("gavel-plus", "reference:multi"),
         ("oracle", ""),
     ]
     assert [(line["part"], line["agent"], line["planner"], line["scheduled"], line["recorded"]) for line in lines] == [
