@@ -58,23 +58,23 @@ class Binder:
         if holder is None or _names_an_instance(holder, believed):
             return None
         piece = self.bound[holder]
+        going = action.primitive is Primitive.NAVIGATE_TO
+        if going and not observed.graph.category(piece).openable:
+            return None  # what stands open is found by searching for the thing itself
         if observed.graph.is_shut(piece) or observed.graph.closed_container(piece) is not None:
             return None
         found = self._choose(node, believed, observed, near_first=True)
         if found is None:
             return Surprise(holder, False)
-        going = action.primitive is Primitive.NAVIGATE_TO
         if observed.graph.contains(piece, found) or (not going and found in observed.graph.near):
             return None
         if any(other != piece for other in self.candidates(holder, believed, observed)):
             return Surprise(holder, False)
         return Surprise(holder, True)
 
-    def reject(self, node: str) -> str:
-        """Unbind a node whose instance was not the one that was meant; return that instance."""
-        instance = self.bound.pop(node)
-        self.rejected.add(instance)
-        return instance
+    def reject(self, node: str) -> None:
+        """Unbind a node whose instance was not the one that was meant."""
+        self.rejected.add(self.bound.pop(node))
 
     def send(
         self, action: Action, believed: SceneGraph, observed: Observed, priors: Mapping[str, Mapping[str, float]]

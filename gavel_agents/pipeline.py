@@ -21,6 +21,7 @@ from gavel_agents.beliefs.believed_graph import believed_graph, observe_flags
 from gavel_agents.beliefs.narrowing import narrow
 from gavel_agents.binding import Binder
 from gavel_agents.edits.repair import repair
+from gavel_agents.findings import Findings
 from gavel_agents.llm import ChatModel
 from gavel_agents.methods import MethodConfig
 from gavel_agents.ordering.cost import TravelModel, travel_model
@@ -35,7 +36,7 @@ from gavel_env.instructions.lookup import About
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile, apply, first_violation
 from gavel_env.world_model.goals import Goal
-from gavel_env.world_model.graph import Flag, Relation, SceneGraph, Support
+from gavel_env.world_model.graph import Relation, SceneGraph, Support
 from gavel_env.world_model.ontology import Ontology, default_ontology
 from gavel_env.world_model.verdict import Plan, validate
 
@@ -97,7 +98,6 @@ class PlanningAgent:
         observed: Observed = info["observed"]
         self.trace = AgentTrace()
         self._binder = Binder()
-        self._shut_early: set[str] = set()
         self._running: deque[Action] = deque()
         self._sent: Action | None = None
         self._order: list[int] = []
@@ -121,7 +121,7 @@ class PlanningAgent:
         self._graph = believed_graph(
             world.rooms, world.connections, self._tasks, self._ontology, observed.graph.robot_room, kinds
         )
-        self._unsettled = {node.id: node for node in self._graph.world.nodes.values() if node.others}
+        self._findings = Findings(self._binder, self._graph)
         self._belief = Belief.initial(self._graph, observed.layout, self._travel.rooms, self._prior)
         self._belief = self._belief.update(self._graph, observed, self._binder.bound)
         self._planned = self._plan(observed)
@@ -176,16 +176,16 @@ class PlanningAgent:
                     return None
                 self._begin_task(observed)
             action = self._running.popleft()
-            if not self._is_needless(action, observed):
+            if not self._findings.is_needless(action, observed):
                 break
-        self._sent = action
         self._returning = False
         if self._on_surprise == "next":
             surprise = self._binder.surprise(action, self._graph, observed)
-            if surprise is not None and not surprise.elsewhere:
-                return self._try_next(surprise.holder, observed)
             if surprise is not None:
-                self._sent = self._go_elsewhere(action, surprise.holder, observed)
+                self._graph, steps = self._findings.after(surprise, action, self._graph, observed)
+                self._running.extendleft(reversed(steps))
+                action = self._running.popleft()
+        self._sent = action
         sent = self._binder.send(self._sent, self._graph, observed, self._belief.priors())
         goes = sent.primitive is Primitive.NAVIGATE_TO
         self._committed = self._committed or not goes
@@ -201,20 +201,8 @@ class PlanningAgent:
         self.trace.order.append(task)
         self._running.extend(self._planned.plans[task])
         self._begun, self._committed = True, False
-        if self._unsettled:
+        if self._findings.may_differ:
             self._adapt()
-
-    def _go_elsewhere(self, action: Action, holder: str, observed: Observed) -> Action:
-        """Return the first step of shutting a piece, and of going to what was seen elsewhere before `action`."""
-        piece = self._binder.bound[holder]
-        going = Action(Primitive.NAVIGATE_TO, action.target)
-        if action != going:
-            self._running.appendleft(action)
-        if piece not in observed.graph.near or not observed.graph.has(Flag.OPEN, piece):
-            return going
-        self._shut_early.add(holder)
-        self._running.appendleft(going)
-        return Action(Primitive.CLOSE, holder)
 
     # --- gavel-plus: searches that come back to be decided again ---------------------------------------------------
 
@@ -249,39 +237,6 @@ class PlanningAgent:
         belief = self._belief.collapsed() if self.config.belief == "argmax" else self._belief
         return knowledge(self._graph, belief, self._binder, observed)
 
-    def _try_next(self, holder: str, observed: Observed) -> EnvAction:
-        """Leave a piece that does not hold what was said, and plan to try the next one that fits."""
-        assert self._sent is not None
-        wrong = self._binder.reject(holder)
-        if holder in self._unsettled:
-            self._graph = self._graph.with_nodes({holder: self._unsettled[holder]})
-        steps = [Action(Primitive.NAVIGATE_TO, holder)]
-        if any(category.has_door for category in self._graph.world.nodes[holder].categories):
-            steps.append(Action(Primitive.OPEN, holder))
-        self._running.extendleft(reversed([*steps, self._sent]))
-        if not observed.graph.has(Flag.OPEN, wrong):
-            self._sent = self._running.popleft()
-            return EnvAction(Primitive.NAVIGATE_TO, holder, self._belief.priors().get(holder), (wrong,))
-        self._sent = Action(Primitive.CLOSE, wrong)
-        if wrong not in observed.graph.near:
-            self._running.appendleft(self._sent)
-            self._sent = Action(Primitive.NAVIGATE_TO, wrong)
-        return EnvAction.of(self._sent)
-
-    # --- concepts: what they turn out to be --------------------------------------------------------------------------
-
-    def _settle(self, observed: Observed) -> bool:
-        """Give nodes named by a concept the category of what they are bound to; return whether any changed."""
-        found = {}
-        for node, entry in self._unsettled.items():
-            instance = self._binder.bound.get(node)
-            if instance is not None and self._graph.world.nodes[node].others:
-                real = observed.graph.world.nodes[instance]
-                found[node] = entry._replace(category=real.category, fixed=real.fixed, others=(), weights=())
-        if found:
-            self._graph = self._graph.with_nodes(found)
-        return any(node.category is not self._unsettled[name].category for name, node in found.items())
-
     def _adapt(self) -> None:
         """Repair the rest of the task under way if what was found affords other steps than what was expected."""
         if not self.config.repair:
@@ -295,16 +250,6 @@ class PlanningAgent:
             self._running = deque(repaired.plan)
             self.trace.tasks[task].edits += tuple(f"under way: {edit}" for edit in repaired.trace)
 
-    def _is_needless(self, action: Action, observed: Observed) -> bool:
-        """Return whether a step works the door of what was found to have none, or shuts what is shut already."""
-        node = action.target or ""
-        instance = self._binder.bound.get(node)
-        if instance is None or action.primitive not in (Primitive.OPEN, Primitive.CLOSE):
-            return False
-        if action.primitive is Primitive.CLOSE and node in self._shut_early:
-            return observed.graph.is_shut(instance)
-        return node in self._unsettled and not observed.graph.category(instance).openable
-
     def _take_in(self, action: Action, observed: Observed) -> bool:
         """Advance the believed graph by f(G, a), bind what was reached, and update B <- Upsilon(B, a, z).
 
@@ -313,7 +258,9 @@ class PlanningAgent:
         """
         if not self._binder.arrived(action, self._graph, observed):
             return False
-        changed = bool(self._unsettled) and self._settle(observed)
+        expected = self._graph
+        self._graph = self._findings.settle(self._graph, observed)
+        differs = self._graph is not expected
         for node, instance in self._binder.bound.items():
             room = observed.graph.room_of(instance)
             if node not in self._graph.supports and room is not None and instance != observed.graph.holding:
@@ -323,7 +270,7 @@ class PlanningAgent:
         self._graph = msgspec.structs.replace(self._graph, robot_room=observed.graph.robot_room)
         self._graph = observe_flags(self._graph, observed.graph, self._binder.bound)
         self._belief = self._belief.update(self._graph, observed, self._binder.bound)
-        if changed:
+        if differs:
             self._adapt()
         return True
 
