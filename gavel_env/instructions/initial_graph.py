@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from functools import lru_cache
 
 import msgspec
 
-from gavel_env.errors import GavelError, InstructionError
+from gavel_env.errors import GavelError, InstructionError, UnknownConcept
 from gavel_env.house.scenes import Scene
 from gavel_env.instructions.record import Instruction, Placement
+from gavel_env.world_model.concepts import PREFIX
 from gavel_env.world_model.goals import Designator, Literal, Predicate, fitting, parse_literal, unmet
 from gavel_env.world_model.graph import Flag, Node, Relation, Room, SceneGraph, Support, World
 from gavel_env.world_model.ontology import Ontology, category_of, default_ontology
@@ -18,6 +20,7 @@ __all__ = ["instruction_graph", "scene_graph"]
 
 _RELATIONS = {"on": Relation.ON_TOP, "in": Relation.INSIDE, "floor": Relation.FLOOR}
 _BESIDE = (Predicate.NEXT_TO, Predicate.UNDER)
+_CONCEPT = re.compile(rf"\b{PREFIX}\w+")
 
 
 def scene_graph(scene: Scene, ontology: Ontology | None = None) -> SceneGraph:
@@ -80,7 +83,7 @@ def instruction_graph(scene: Scene, instruction: Instruction, ontology: Ontology
 
     Raises:
         InstructionError: a placement does not fit (unknown category or target, no surface or interior, ...), or the
-            goal holds at the start; names the instruction, the placement and the value.
+            goal holds at the start or names a concept that is unknown; names the instruction, the place and the value.
     """
     ontology = ontology or default_ontology()
     graph = scene_graph(scene, ontology)
@@ -139,6 +142,10 @@ def instruction_graph(scene: Scene, instruction: Instruction, ontology: Ontology
         next_to=frozenset(next_to),
     )
     for index, task in enumerate(instruction.tasks):
+        for name in (name for text in task.goal for name in _CONCEPT.findall(text)):
+            if name not in ontology.concepts.things and name not in ontology.concepts.places:
+                unknown = UnknownConcept(name, [*ontology.concepts.things, *ontology.concepts.places])
+                raise InstructionError(f"{place}, tasks[{index}]: {unknown}")
         if not unmet(task.parsed_goal(), graph):
             raise InstructionError(f"{place}, tasks[{index}]: the goal holds at the start: {', '.join(task.goal)}")
     return graph

@@ -6,13 +6,17 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import gymnasium as gym
+import msgspec
 import pytest
 
 import gavel_agents
 import gavel_env  # noqa: F401  (registers the environments)
+from gavel_agents.agent import AgentTrace
 from gavel_agents.llm import Completion, Prompt
 from gavel_agents.understanding import Decomposition, TaskUnderstanding
 from gavel_env.instructions.record import Instruction, parse_instruction
+from gavel_env.instructions.reference_names import spoken
+from gavel_env.tasks.certificate import certify
 from gavel_env.world_model.goals import Designator, parse_goal, parse_literal
 from gavel_env.world_model.ontology import category_of
 
@@ -231,3 +235,47 @@ def test_what_is_nowhere_is_looked_for_everywhere_and_then_given_up() -> None:
     assert len(opened) > 2
     assert len(set(opened)) == len(opened)
     assert "not_found" in ended.done[-1]
+
+
+# --- records and the verifier ----------------------------------------------------------------------------------------
+
+
+def test_what_was_understood_goes_into_records_and_comes_back() -> None:
+    goal = ("on_top(mug, any_table)",)
+    ended = run(
+        "gavel-full",
+        record("Merom_1_int", [("mug", "on", "bottom_cabinet")], goal),
+        Said(goal, ("mug", "any_table")),
+        TO_A_TABLE,
+    )
+    kept = msgspec.json.decode(msgspec.json.encode(ended.agent.trace), type=AgentTrace)
+    assert kept == ended.agent.trace
+    assert parse_goal(kept.tasks[0].goal) == parse_goal(goal)
+    assert kept.tasks[0].objects == ("mug", "any_table")
+
+
+def test_the_verifier_judges_goals_over_concepts_and_reads_plans_in_peoples_words() -> None:
+    goal = ("inside(apple, any_cabinet@kitchen)",)
+    hidden = record("Beechwood_0_int", [("apple", "in", "fridge")], goal)
+    strict = INTO_A_CABINET.replace("any_cabinet@kitchen", "bottom_cabinet_no_top_0")
+    assert gavel_agents.verify(instruction=hidden, plan=strict).valid
+    assert gavel_agents.verify(instruction=hidden, plan=INTO_A_CABINET).valid
+    said = gavel_agents.verify(
+        instruction=hidden, plan=INTO_A_CABINET.replace("any_cabinet@kitchen", "kitchen_cupboard")
+    )
+    assert not said.valid
+    assert said.final.valid
+    assert "read kitchen_cupboard as " in said.edits[0]
+
+
+def test_a_record_over_concepts_is_certified() -> None:
+    goal = ("inside(apple, any_cabinet@kitchen)",)
+    hidden = record("Beechwood_0_int", [("apple", "in", "fridge")], goal)
+    ids = {"fridge": "fridge_0", "apple": "apple_0", "any_cabinet@kitchen": "bottom_cabinet_no_top_0"}
+    steps = (step.partition(" ") for step in INTO_A_CABINET.split("\n"))
+    plan = [f"{verb}({ids[target]})" for verb, _, target in steps]
+    task = msgspec.structs.replace(hidden.tasks[0], reference_plan=tuple(plan))
+    certified = msgspec.structs.replace(hidden, tasks=(task,))
+    assert not list(certify(certified))
+    assert [str(d) for d in spoken(certified, 0).goal.subjects] == ["apple"]
+    assert spoken(certified, 0).names["bottom_cabinet_no_top_0"] == "any_cabinet@kitchen"
