@@ -225,7 +225,7 @@ class PlanningAgent:
     def _come_back(self, action: Action, observed: Observed) -> None:
         """Take in what was seen on the way; unless the task has changed the world already, any task may come next."""
         self._graph = msgspec.structs.replace(self._graph, robot_room=observed.graph.robot_room)
-        self._belief = self._belief.update(self._graph, observed, self._binder.bound)
+        self._belief = self._belief.update(self._graph, observed, self._binder.bound, self._binder.rejected)
         self._running.appendleft(action)
         if not self._committed:
             task = self.trace.order.pop()
@@ -269,7 +269,7 @@ class PlanningAgent:
             self._graph = apply(self._graph, action)
         self._graph = msgspec.structs.replace(self._graph, robot_room=observed.graph.robot_room)
         self._graph = observe_flags(self._graph, observed.graph, self._binder.bound)
-        self._belief = self._belief.update(self._graph, observed, self._binder.bound)
+        self._belief = self._belief.update(self._graph, observed, self._binder.bound, self._binder.rejected)
         if differs:
             self._adapt()
         return True

@@ -10,7 +10,7 @@ follows its container. What stands on or in something open is found together wit
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, Protocol
 
@@ -130,15 +130,22 @@ class Belief(Mapping[str, Floats]):
         empty = cls(tuple(r.id for r in rooms), frozenset(), {}, {}, _Expectations(rooms, prior))
         return empty.update(graph, _Nothing(), {})
 
-    def update(self, graph: SceneGraph, observed: Evidence, bound: Mapping[str, str]) -> Belief:
+    def update(
+        self,
+        graph: SceneGraph,
+        observed: Evidence,
+        bound: Mapping[str, str],
+        rejected: Collection[str] = (),
+    ) -> Belief:
         """Return B_{t+1} = Upsilon(B_t, a_t, z_{t+1}).
 
         Args:
             graph: the believed graph after a_t; its nodes are the uncertain objects.
             observed: all that has been observed, z_{t+1} included.
             bound: node -> observed instance that it is known to be.
+            rejected: observed instances that turned out not to be what was meant; seeing them says nothing.
         """
-        return _Update(self._expectations, graph, observed, bound).apply(self)
+        return _Update(self._expectations, graph, observed, bound, frozenset(rejected)).apply(self)
 
     def root(self, node: str) -> str:
         """Return the node that says where a node is, itself or what holds it: nodes of one root are in one place."""
@@ -189,13 +196,19 @@ class _Update:
     """One application of Upsilon."""
 
     def __init__(
-        self, expectations: _Expectations, graph: SceneGraph, observed: Evidence, bound: Mapping[str, str]
+        self,
+        expectations: _Expectations,
+        graph: SceneGraph,
+        observed: Evidence,
+        bound: Mapping[str, str],
+        rejected: frozenset[str],
     ) -> None:
         self._expected = expectations
         self._graph = graph
         self._seen = observed.graph
         self._bound = bound
         self._taken = frozenset(bound.values())
+        self._rejected = rejected
         one_hot = expectations.one_hot
         self._unsearched = np.array([room not in observed.searched for room in one_hot], dtype=np.float64)
         self._refuted: set[str] = set()
@@ -267,7 +280,7 @@ class _Update:
         """Yield the observed instances that the node may be."""
         entry = self._graph.world.nodes[node]
         for instance in (i for c in entry.categories for i in self._seen.world.by_category.get(c.name, ())):
-            if not entry.fixed and instance in self._taken:
+            if instance in self._rejected or (not entry.fixed and instance in self._taken):
                 continue
             room = self._seen.room_of(instance)
             if room is None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,7 +20,7 @@ from gavel_env.instructions.vocabulary import default_vocabulary
 from gavel_env.world_model.concepts import default_concepts, is_concept
 from gavel_env.world_model.condition_text import parse_formula
 from gavel_env.world_model.goals import Designator, Goal, parse_goal, parse_literal
-from gavel_env.world_model.graph import Room
+from gavel_env.world_model.graph import Node, Relation, Room, SceneGraph, Support, World
 from gavel_env.world_model.ontology import default_ontology
 
 TYPES = sorted(default_vocabulary().rooms)
@@ -166,3 +168,23 @@ def test_the_house_decides_what_a_word_likely_means() -> None:
     in_the_infirmary = dict(zip(kinds, category_weights(kinds, ["infirmary"]), strict=True))
     assert max(at_home, key=lambda kind: at_home[kind]) == "bed"
     assert in_the_infirmary["hospital_bed"] > at_home["hospital_bed"]
+
+
+def test_a_piece_that_was_rejected_is_no_sign_of_the_one_that_was_meant() -> None:
+    rooms = house("kitchen", "bathroom")
+    infos = [RoomInfo(room.id, room.type, 12.0) for room in rooms.values()]
+    graph = believed_graph(rooms, frozenset(), [task("any_cabinet")], default_ontology(), None)
+    seen = SceneGraph(
+        World.of(rooms, frozenset(), {"top_cabinet_0": Node("top_cabinet_0", default_ontology()["top_cabinet"], True)}),
+        {"top_cabinet_0": Support(Relation.FLOOR, "bathroom_1")},
+        {},
+    )
+    evidence = Seen(seen, frozenset({"bathroom_1"}))
+    start = Belief.over(graph, infos, load_prior("uniform"))
+    assert start.update(graph, evidence, {})["any_cabinet"].tolist() == [0.0, 1.0]
+    assert start.update(graph, evidence, {}, {"top_cabinet_0"})["any_cabinet"].tolist() == [1.0, 0.0]
+
+
+class Seen(NamedTuple):
+    graph: SceneGraph
+    searched: frozenset[str]
