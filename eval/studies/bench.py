@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from eval.studies.bench_agents import AGENTS
+from eval.studies.bench_decisions import DECISIONS
 from eval.studies.bench_peers import PEERS
 from eval.studies.bench_world import WORLD
 from eval.studies.measuring import Measured, Measurement, measure
@@ -21,7 +22,7 @@ from gavel_env.errors import DataError, NotInstalled
 
 __all__ = ["MEASUREMENTS", "Measured", "Measurement", "NotInstalled", "main", "measure"]
 
-MEASUREMENTS: tuple[Measurement, ...] = (*WORLD, *AGENTS, *PEERS)
+MEASUREMENTS: tuple[Measurement, ...] = (*WORLD, *AGENTS, *DECISIONS, *PEERS)
 LAST = Path("runs") / "bench.json"
 
 

@@ -7,7 +7,7 @@ needs no more than its first room: the others are decided when it has come back.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,12 +17,17 @@ from gavel_agents.ordering.simulator import Simulator, legs_of
 from gavel_env.exchange import EnvAction, ReturnWhen
 from gavel_env.world_model.actions import Action
 
-__all__ = ["Candidate", "ranked_orders", "returning_search", "shortlist"]
+__all__ = ["Candidate", "SHORTLIST", "ranked_orders", "returning_search"]
 
-SHORTLIST = 32
-FIRST_WORLDS = 16
-FINALISTS = 6
-ROOMS = 6
+SHORTLIST = 24
+"""Orders on the short list, the same number for each first task."""
+
+FIRST_WORLDS = 8
+FINALISTS = 4
+"""Every order is driven in the first worlds, so many of them in all. Larger numbers drive no fewer metres."""
+
+ROOMS = 5
+"""Rooms in which a search may begin, by probability per metre."""
 
 
 class Candidate(NamedTuple):
@@ -32,29 +37,12 @@ class Candidate(NamedTuple):
     metres: float
 
 
-def shortlist(by_cost: Iterable[tuple[int, ...]], tasks: int, size: int = SHORTLIST) -> list[tuple[int, ...]]:
-    """Return the best orders for every first task, as many for each, `size` in all or a few more.
-
-    Args:
-        by_cost: orders by increasing cost.
-        tasks: how many tasks.
-        size: how many orders.
-    """
-    share = max(1, -(-size // max(1, tasks)))
-    kept: dict[int, list[tuple[int, ...]]] = {}
-    for order in by_cost:
-        group = kept.setdefault(order[0], [])
-        if len(group) < share:
-            group.append(order)
-    return [order for first in sorted(kept) for order in kept[first]]
-
-
 def ranked_orders(
     simulator: Simulator,
     known: Knowledge,
     plans: Sequence[Sequence[Action]],
     orders: Sequence[tuple[int, ...]],
-    finalists: int = FINALISTS,
+    finalists: int | None = None,
 ) -> list[Candidate]:
     """Return orders by increasing expected metres; ties as they come.
 
@@ -63,13 +51,15 @@ def ranked_orders(
         known: what the agent knows.
         plans: pi_i, one per remaining task.
         orders: to be compared.
-        finalists: how many of them are driven in all worlds.
+        finalists: how many of them are driven in all worlds; default `FINALISTS`. The others keep what the first
+            worlds say.
     """
     things = list(known.belief)
     worlds = simulator.worlds(things, known)
     legs = legs_of(plans, {thing: i for i, thing in enumerate(things)}, known.holding)
     table = np.array(orders, np.int16).reshape(len(orders), -1)
     count = len(worlds.places)
+    finalists = FINALISTS if finalists is None else finalists
     few = count if len(orders) <= finalists else min(FIRST_WORLDS, count)
     metres = simulator.metres(worlds, legs, table, span=(0, few)).sum(axis=1)
     best = np.argsort(metres, kind="stable")

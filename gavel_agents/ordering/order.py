@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gavel_agents.ordering.cost import Place, TravelModel
 from gavel_env.world_model.actions import Action
 
-__all__ = ["Costs", "expected_costs", "held_karp", "orderings"]
+__all__ = ["Costs", "best_by_first_task", "expected_costs", "held_karp", "orderings"]
 
 Floats = NDArray[np.float64]
 ENUMERATED_TASKS = 8
@@ -74,10 +74,7 @@ def orderings(costs: Costs) -> Iterator[tuple[int, ...]]:
     count = len(costs.first_cost)
     if count <= ENUMERATED_TASKS:
         candidates = _permutations(count)
-        total = costs.first_cost[candidates[:, 0]] if count else np.zeros(1)
-        for p in range(1, count):
-            total = total + costs.pairwise_cost[candidates[:, p - 1], candidates[:, p]]
-        for row in np.argsort(np.round(total, 9), kind="stable"):
+        for row in np.argsort(_totals(costs, candidates), kind="stable"):
             yield tuple(int(i) for i in candidates[row])
         return
     best = held_karp(costs)
@@ -89,6 +86,37 @@ def orderings(costs: Costs) -> Iterator[tuple[int, ...]]:
         for to in range(count)
     }
     yield from sorted(moved - {best}, key=lambda order: (round(costs.ordering_cost(order), 9), order))
+
+
+def best_by_first_task(costs: Costs, size: int) -> list[tuple[int, ...]]:
+    """Return the orderings of least J for every first task, as many for each, `size` in all or a few more.
+
+    Beyond `ENUMERATED_TASKS` tasks, of those that `orderings` yields; a first task that none of them has is left out.
+    """
+    count = len(costs.first_cost)
+    share = max(1, -(-size // max(1, count)))
+    if count > ENUMERATED_TASKS:
+        groups: dict[int, list[tuple[int, ...]]] = {}
+        for order in orderings(costs):
+            groups.setdefault(order[0], []).append(order)
+        return [order for first in sorted(groups) for order in groups[first][:share]]
+    candidates = _permutations(count)
+    total = _totals(costs, candidates)
+    best: list[tuple[int, ...]] = []
+    for first in range(count):
+        rows = np.nonzero(candidates[:, 0] == first)[0]
+        chosen = rows[np.argsort(total[rows], kind="stable")[:share]]
+        best += [tuple(int(i) for i in candidates[row]) for row in chosen]
+    return best
+
+
+def _totals(costs: Costs, candidates: NDArray[np.int64]) -> Floats:
+    """Return J of (n, tasks) orderings to nine digits, so that sums in another order tie."""
+    tasks = candidates.shape[1]
+    total = costs.first_cost[candidates[:, 0]] if tasks else np.zeros(1)
+    for p in range(1, tasks):
+        total = total + costs.pairwise_cost[candidates[:, p - 1], candidates[:, p]]
+    return np.round(total, 9)
 
 
 @cache

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gavel_agents.ordering.cost import Place, TravelModel
-from gavel_agents.ordering.decision import Candidate, ranked_orders, shortlist
+from gavel_agents.ordering.decision import SHORTLIST, Candidate, ranked_orders
 from gavel_agents.ordering.knowledge import Knowledge
-from gavel_agents.ordering.order import Costs, expected_costs, orderings
+from gavel_agents.ordering.order import Costs, best_by_first_task, expected_costs, orderings
 from gavel_agents.ordering.simulator import Simulator
 from gavel_env.world_model.actions import Action
 
@@ -50,7 +50,7 @@ class Situation(NamedTuple):
         costs = self.pairwise()
         if self.simulator is None or self.known is None:
             return (Candidate(order, costs.ordering_cost(order)) for order in orderings(costs))
-        orders = shortlist(orderings(costs), len(self.plans))
+        orders = best_by_first_task(costs, SHORTLIST)
         return iter(ranked_orders(self.simulator, self.known, self.plans, orders))
 
     def expected_m(self, orders: Sequence[tuple[int, ...]]) -> list[float]:

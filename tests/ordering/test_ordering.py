@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from types import MappingProxyType
 
 import numpy as np
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from eval.cli import main
 from eval.studies.room_coverage import coverage, room_searches
 from gavel_agents.ordering.cost import COVERAGE_WIDTH_M, PAPER_COVERAGE_WIDTH_M, TravelModel
-from gavel_agents.ordering.order import Costs, expected_costs, held_karp, orderings
+from gavel_agents.ordering.order import Costs, best_by_first_task, expected_costs, held_karp, orderings
 from gavel_env.house.floor_map import known_layout
 from gavel_env.house.scenes import load_scene
 from gavel_env.world_model.actions import parse_action
@@ -50,6 +51,17 @@ def test_held_karp_finds_the_enumerated_optimum(count: int, seed: int) -> None:
     costs = random_costs(count, seed)
     best = min(total(costs, order) for order in itertools.permutations(range(count)))
     assert total(costs, held_karp(costs)) == pytest.approx(best)
+
+
+@given(st.integers(1, 7), st.integers(0, 10_000), st.integers(1, 40))
+@settings(max_examples=60, deadline=None)
+def test_the_short_list_has_the_best_orders_of_every_first_task(count: int, seed: int, size: int) -> None:
+    costs = random_costs(count, seed)
+    found = best_by_first_task(costs, size)
+    share = math.ceil(size / count)
+    for first in range(count):
+        best = [order for order in orderings(costs) if order[0] == first][:share]
+        assert [order for order in found if order[0] == first] == best
 
 
 def test_beyond_enumeration_the_optimum_comes_first_and_neighbours_follow() -> None:

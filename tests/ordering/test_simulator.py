@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from support.floor_scenes import flat
 
 import gavel_agents
-from gavel_agents.ordering.decision import FINALISTS, ranked_orders, shortlist
+from gavel_agents.ordering.decision import ranked_orders
 from gavel_agents.ordering.knowledge import Knowledge, Spot, knowledge
 from gavel_agents.ordering.simulator import Simulator, Worlds, legs_of
 from gavel_agents.pipeline import PlanningAgent
@@ -255,13 +255,6 @@ def test_more_tasks_take_more_metres_and_fewer_worlds_the_same_ones(
     metres = simulator.metres(worlds, legs, rows)
     assert (np.diff(metres, axis=0) >= -1e-9).all()
     assert (simulator.metres(worlds, legs, rows, span=(10, 20)) == metres[:, 10:20]).all()
-
-
-def test_the_short_list_has_the_best_of_every_first_task() -> None:
-    orders = [(0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)]
-    assert shortlist(iter(orders), 3, size=3) == [(0, 1, 2), (1, 0, 2), (2, 0, 1)]
-    assert sorted(shortlist(iter(orders), 3)) == orders
-    assert FINALISTS < 24
 
 
 def test_with_the_world_given_it_drives_what_the_executor_drives() -> None:
