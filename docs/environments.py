@@ -30,7 +30,7 @@ import gymnasium as gym
 import gavel_env
 from gavel_env import EnvAction, Primitive
 
-env = gym.make("Gavel-SingleTask-v0", render_mode="ansi")
+env = gym.make("Gavel-SingleTask-v0", render_mode="ansi", on_violation="noop")  # what is refused changes nothing
 observation, info = env.reset(seed=7)
 print(observation["instruction"])
 

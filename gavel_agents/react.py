@@ -146,7 +146,7 @@ class ReActAgent:
         if action.primitive is Primitive.NAVIGATE_TO and target not in graph.world.nodes:
             if _instances(target, graph):
                 return None
-            if target.partition("@")[0] in default_ontology():
+            if default_ontology().knows(target.partition("@")[0]):
                 searched = observed.searched.issuperset(graph.world.rooms)
                 return reason(Violation(ViolationKind.NOT_FOUND, target)) if searched else None
         violation = first_violation(graph, action, self._profile)

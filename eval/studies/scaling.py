@@ -169,29 +169,32 @@ def _memory_mb() -> Points:
             yield float(episode), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
 
 
-def _evaluation_s(*arguments: str) -> float:
+def _evaluation(*arguments: str) -> tuple[float, float]:
+    """Return the wall-clock and the CPU seconds of an evaluation."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "eval", "eval", *arguments, "--quiet", "--out", folder]
-        begun = time.perf_counter()
+        wall, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run(command, check=True, capture_output=True)
-        return time.perf_counter() - begun
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        cpu = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+        return time.perf_counter() - wall, cpu
 
 
 def _episodes_s() -> Points:
     for count in (25, 50, 100, 200, 400):
-        yield float(count), _evaluation_s(*_GAVEL, "--limit", str(count))
+        yield float(count), _evaluation(*_GAVEL, "--limit", str(count))[1]
 
 
 def _workers_s() -> Points:
     for workers in (1, 2, 4):
-        yield float(workers), _evaluation_s(*_GAVEL, "--limit", "400", "--workers", str(workers))
+        yield float(workers), _evaluation(*_GAVEL, "--limit", "400", "--workers", str(workers))[0]
 
 
 def _connections_s() -> Points:
     with slow_endpoint() as spec:
         for connections in (1, 2, 4, 8, 16, 32):
             chosen = ("--agents", "llm-only", "--planner", spec, "--kind", "single", "--limit", "32")
-            yield float(connections), _evaluation_s(*chosen, "--connections", str(connections))
+            yield float(connections), _evaluation(*chosen, "--connections", str(connections))[0]
 
 
 CURVES: tuple[Curve, ...] = (
@@ -199,7 +202,7 @@ CURVES: tuple[Curve, ...] = (
     Curve("objects observed", "step without driving, CPU µs", lambda: _in_scenes(_step_us)),
     Curve("floor, m²", "search of the whole house, CPU s", _search_s),
     Curve("tasks of an instruction", "planning of gavel-full, CPU ms", _planning_ms),
-    Curve("episodes evaluated", "wall clock, s", _episodes_s),
+    Curve("episodes evaluated", "CPU s", _episodes_s),
     Curve("worker processes, 400 episodes", "wall clock, s", _workers_s),
     Curve("connections, 32 calls of 1 s", "wall clock, s", _connections_s),
     Curve("episodes in one process", "most memory, MB", _memory_mb),

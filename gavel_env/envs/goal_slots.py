@@ -88,7 +88,9 @@ def named_slots(goal: Goal) -> tuple[Slot, ...]:
 
 
 def can_be_searched_for(designator: Designator, rooms: Collection[Room], searched: Collection[str]) -> bool:
-    """Tell whether a room where a designator may be found has not been searched."""
+    """Tell whether a room where a designator may be found has not been searched; what is named by its id is never."""
+    if not default_ontology().knows(designator.name):
+        return False
     fits = (room for room in rooms if designator.room is None or room.fits(designator.room))
     return any(room.id not in searched for room in fits)
 

@@ -109,6 +109,18 @@ def test_what_has_no_route_is_not_offered_again() -> None:
     assert not info["action_mask"][lamp]
 
 
+def test_what_a_goal_names_by_its_id_is_not_searched_for() -> None:
+    task = {"text": "Apple.", "goal": ["on_top(apple, countertop_0)"], "reference_plan": []}
+    apple = {"category": "apple", "relation": "on", "target": "bed"}
+    record = {"id": "x", "scene": "Rs_int", "text": "Apple.", "placements": [apple], "tasks": [task]}
+    env = make(instructions=[record])
+    _, info = env.reset(seed=0)
+    assert [slot.instance for slot in env.slots_now[:2]] == ["apple_0", None]
+    assert info["action_mask"][:2].tolist() == [1, 0]
+    *_, info = env.step(0)
+    assert info["outcome"] == "ok"
+
+
 # --- slots and observations ----------------------------------------------------------------------------------------
 
 
