@@ -13,6 +13,7 @@ from collections import deque
 from typing import Any
 
 from gavel_agents.agent import AgentTrace, TaskTrace
+from gavel_agents.classical.planner import ClassicalPlanner
 from gavel_agents.llm import ChatModel, Completion, Message, Prompt, load_model
 from gavel_agents.proposing.proposals import prompt_hash
 from gavel_env.errors import BadOption, GavelError, MalformedAction
@@ -53,7 +54,7 @@ class ReActAgent:
         max_calls: calls of the model in an episode at most.
 
     Raises:
-        BadOption: no planner, or an unknown profile.
+        BadOption: no language model, or an unknown profile.
         GavelError: the planner's spec is not known or not usable.
     """
 
@@ -66,9 +67,11 @@ class ReActAgent:
         seed: int | None = None,
         max_calls: int = 80,
     ) -> None:
-        if planner is None:
+        if isinstance(planner, str):
+            planner = load_model(planner)
+        if planner is None or isinstance(planner, ClassicalPlanner):  # which reads no text
             raise BadOption("agent 'react' asks a language model: make('react', planner='openai:MODEL@URL')")
-        self._model = load_model(planner) if isinstance(planner, str) else planner
+        self._model = planner
         if profile not in (*Profile, *(known.value for known in Profile)):
             raise BadOption(f"profile is {profile!r}; known: {', '.join(repr(known.value) for known in Profile)}")
         self._profile = Profile(profile)
