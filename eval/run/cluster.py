@@ -23,7 +23,9 @@ from gavel_env.errors import GavelError, NotInstalled, WorkerFailed
 
 __all__ = ["run_on_ray"]
 
-_RETRIES = 3
+_RETRIES = 2
+"""Of a group whose worker is lost; an episode that is run by itself for that reason has one."""
+
 _START_S = 60.0
 """For a worker to start and import everything."""
 
@@ -106,14 +108,14 @@ class _Tasks:
     ) -> None:
         self._ray, self._stop, self._timeout_s = ray, stop, timeout_s
         self._connections = connections
-        self._waiting = deque(groups_of(episodes))
+        self._waiting = deque((group, _RETRIES) for group in groups_of(episodes))
         self._running: dict[Any, tuple[list[Episode], float]] = {}
         self._made = (settings, plugins, timeout_s)
         cores = float(ray.cluster_resources().get("CPU", 1.0))
         self._share = max(0.01, min(1.0, cores / max(1, connections)))
         local = any(episode.contestant.planner_kind == "hf" for episode in episodes)
         gpus = 1 if local and ray.cluster_resources().get("GPU") else 0
-        self._task = ray.remote(_run_group).options(num_cpus=self._share, num_gpus=gpus, max_retries=_RETRIES)
+        self._task = ray.remote(num_cpus=self._share, num_gpus=gpus)(_run_group)
 
     def run(self) -> Iterator[Finished]:
         while self._running or (self._waiting and not self._stop.is_set()):
@@ -126,9 +128,10 @@ class _Tasks:
     def _begin(self) -> None:
         most = max(1, round(float(self._ray.cluster_resources().get("CPU", 1.0)) / self._share))
         while self._waiting and len(self._running) < most and not self._stop.is_set():
-            group = self._waiting.popleft()
+            group, retries = self._waiting.popleft()
             limit_s = float("inf") if self._timeout_s is None else _START_S + self._timeout_s * (len(group) + 1)
-            self._running[self._task.remote(group, *self._made)] = (group, time.monotonic() + limit_s)
+            task = self._task.options(max_retries=retries).remote(group, *self._made)
+            self._running[task] = (group, time.monotonic() + limit_s)
 
     def _ended(self, task: Any) -> Iterator[Finished]:
         group, _ = self._running.pop(task)
@@ -136,9 +139,7 @@ class _Tasks:
         try:
             yield from self._ray.get(task)
         except (exceptions.WorkerCrashedError, exceptions.NodeDiedError, exceptions.OutOfMemoryError) as error:
-            yield from self._lost(
-                group, "error", "error:worker_died", f"its worker ended {_RETRIES + 1} times: {error}"
-            )
+            yield from self._lost(group, "error", "error:worker_died", f"its worker ended each time: {error}")
         except exceptions.RayTaskError as error:
             cause = error.cause if isinstance(error.cause, GavelError) else error
             raise WorkerFailed(f"a task failed on the cluster: {cause}") from None
@@ -155,7 +156,7 @@ class _Tasks:
         if len(group) == 1:
             yield Finished(group[0].record(outcome, failure, error=why))
         else:
-            self._waiting.extendleft([episode] for episode in reversed(group))
+            self._waiting.extendleft(([episode], 1) for episode in reversed(group))
 
 
 def _run_group(

@@ -7,7 +7,6 @@ elsewhere.
 
 from __future__ import annotations
 
-import re
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -20,16 +19,9 @@ from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, decod
 from gavel_agents.llm.local import load_local
 from gavel_agents.llm.sampling import Sampler
 from gavel_agents.llm.service import ModelError
+from gavel_agents.llm.thinking import without_thinking
 
-__all__ = ["HfModel", "without_thinking"]
-
-_THINKING = re.compile(r"<(think|thinking|reasoning)>.*?(</\1>|\Z)", re.DOTALL | re.IGNORECASE)
-_HEADLESS = re.compile(r"\A.*?</(?:think|thinking|reasoning)>", re.DOTALL | re.IGNORECASE)
-
-
-def without_thinking(text: str) -> str:
-    """Return an answer without its thinking, also where only the end of the thinking is marked."""
-    return _HEADLESS.sub("", _THINKING.sub("", text)).strip()
+__all__ = ["HfModel"]
 
 
 class HfModel:

@@ -10,6 +10,7 @@ from typing import Any
 from gavel_agents.llm.grammar import json_schema, plan_schema
 from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, decoding_of, spec_options
 from gavel_agents.llm.service import CHECK, MalformedAnswer, Retries, complete_all, endpoint_of, key_of, retried
+from gavel_agents.llm.thinking import without_thinking
 
 __all__ = ["OpenAIModel"]
 
@@ -35,7 +36,9 @@ class OpenAIModel:
 
         Args:
             argument: `MODEL` or `MODEL@BASE_URL`; the key is that of the environment variable OPENAI_API_KEY. With
-                `?constrained` behind it, answers are held to the JSON schema of plans; `?temperature=T` samples.
+                `?constrained` behind it, answers are held to the JSON schema of plans; `?temperature=T` samples;
+                `?max_tokens=N` replaces the argument; `?thinking=off` asks servers that render chat templates (vLLM,
+                SGLang) for answers without thinking.
             max_tokens: new tokens at most.
             retries: how often and how patiently requests are made again.
             sleep: replaced in tests.
@@ -43,7 +46,15 @@ class OpenAIModel:
         Raises:
             BadPlannerSpec: no model, no key, or the package openai is not installed.
         """
-        source, options = spec_options("openai", argument, decimals=("temperature",), flags=("constrained",))
+        source, options = spec_options(
+            "openai",
+            argument,
+            numbers=("max_tokens",),
+            decimals=("temperature",),
+            flags=("constrained",),
+            words={"thinking": ("off",)},
+        )
+        max_tokens = int(options.get("max_tokens", max_tokens))
         endpoint = endpoint_of(source, "openai")
         key = key_of(_KEY, endpoint, "openai")
         try:
@@ -60,6 +71,10 @@ class OpenAIModel:
         elif "temperature" in options:
             raise BadPlannerSpec(f"openai:{argument}: {endpoint.model} takes no temperature")
         self._format: dict[str, Any] = {}
+        self._extra: dict[str, Any] = {}
+        if "thinking" in options:
+            decoding["thinking"] = "off"
+            self._extra = {"extra_body": {"chat_template_kwargs": {"enable_thinking": False}}}
         if "constrained" in options:
             decoding["constrained"] = 1
             self._format = json_schema(plan_schema())
@@ -107,10 +122,11 @@ class OpenAIModel:
         messages = [{"role": m.role, "content": m.content} for m in prompt.messages]
         held = self._format if prompt.schema is None else json_schema(prompt.schema)
         decoding = decoding_of(self.decoding, prompt)
-        decoding.pop("constrained", None)
+        for ours in ("constrained", "thinking"):
+            decoding.pop(ours, None)
         if "temperature" not in decoding:  # such models take no seed either: it tells calls apart, no more
             decoding.pop("seed", None)
-        answer = self._create(model=self._endpoint.model, messages=messages, **decoding, **held)
+        answer = self._create(model=self._endpoint.model, messages=messages, **decoding, **held, **self._extra)
         choices = getattr(answer, "choices", None)
         message = getattr(choices[0], "message", None) if isinstance(choices, list) and choices else None
         text = getattr(message, "content", None)
@@ -118,7 +134,7 @@ class OpenAIModel:
             raise MalformedAnswer(f"{str(answer)[:80]!r} has no message")
         usage = getattr(answer, "usage", None)
         return Completion(
-            text,
+            without_thinking(text),
             int(getattr(usage, "prompt_tokens", 0) or 0),
             int(getattr(usage, "completion_tokens", 0) or 0),
             time.perf_counter() - start,

@@ -18,9 +18,10 @@ import torch
 import transformers
 
 from gavel_agents.llm import BadPlannerSpec, Message, Prompt, load_model
-from gavel_agents.llm.hf import HfModel, without_thinking
+from gavel_agents.llm.hf import HfModel
 from gavel_agents.llm.sampling import Sampler
 from gavel_agents.llm.service import ModelError
+from gavel_agents.llm.thinking import without_thinking
 from gavel_env.instructions.lookup import About
 
 # The libraries warn about each other's deprecations.

@@ -39,6 +39,15 @@ def test_a_server_is_sent_seed_and_temperature() -> None:
     assert model.decoding["temperature"] == 0.7
 
 
+def test_a_server_is_asked_not_to_think() -> None:
+    with faulty_server() as server:
+        model = load_model(f"openai:m@{server.url}?thinking=off&max_tokens=77")
+        model.complete([Prompt(ASKED), Prompt((Message("user", "<think>hm</think>GRASP mug"),))])
+    assert server.asked[0]["chat_template_kwargs"] == {"enable_thinking": False}
+    assert server.asked[0]["max_tokens"] == 77
+    assert model.decoding["thinking"] == "off"
+
+
 @pytest.mark.parametrize("value", ["-1", "hot", "nan", ""])
 def test_a_temperature_is_a_number(value: str) -> None:
     with pytest.raises(BadPlannerSpec, match="temperature is"):
