@@ -10,6 +10,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import os
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -35,6 +36,7 @@ __all__ = [
 ]
 
 FILE = "conversations.jsonl.gz"
+_SYNC_S = 1.0
 
 
 class Exchange(msgspec.Struct, frozen=True):
@@ -220,6 +222,7 @@ class ConversationWriter:
         self.path = Path(path)
         self._known: set[str] = set()
         self._descriptor = -1
+        self._synced_s = time.monotonic()
         end = 0
         try:
             if self.path.exists():
@@ -232,7 +235,9 @@ class ConversationWriter:
             raise DataError(f"conversations {self.path} cannot be opened: {error.strerror}") from error
 
     def add(self, exchanges: Sequence[Exchange]) -> list[str]:
-        """Write the texts and calls that are new, as one member, to the disk; return the ids of all calls, in order.
+        """Write the texts and calls that are new, as one member; return the ids of all calls, in order.
+
+        What is written outlives the process at once, and a power cut after a second.
 
         Raises:
             DataError: the disk did not take them.
@@ -275,15 +280,21 @@ class ConversationWriter:
             if self._descriptor < 0:
                 self._descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
             written = os.write(self._descriptor, packed)
-            os.fsync(self._descriptor)
+            if time.monotonic() - self._synced_s >= _SYNC_S:
+                self._sync()
         except OSError as error:
             raise DataError(f"conversations {self.path} cannot be written: {error.strerror}") from error
         if written != len(packed):
             raise DataError(f"conversations {self.path}: {written} of {len(packed)} bytes written; is the disk full?")
 
+    def _sync(self) -> None:
+        os.fsync(self._descriptor)
+        self._synced_s = time.monotonic()
+
     def close(self) -> None:
-        """Close the file."""
+        """Flush the file to the disk and close it."""
         if self._descriptor >= 0:
+            self._sync()
             os.close(self._descriptor)
             self._descriptor = -1
 

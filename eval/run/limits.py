@@ -62,8 +62,8 @@ def check_endpoints(planners: Sequence[str], limits: Limits) -> None:
 def within(ran: Iterator[Finished], limits: Limits, stop: threading.Event) -> Iterator[Finished]:
     """Pass on what has been run until a limit is reached.
 
-    Endpoint failures are held back until another episode succeeds in asking: those of the streak that ends a run leave
-    no record, so that resuming runs them again.
+    Endpoint failures are held back to the end of the run: if it stops early they leave no record, so that resuming runs
+    them again.
 
     Args:
         ran: what has been run.
@@ -75,19 +75,19 @@ def within(ran: Iterator[Finished], limits: Limits, stop: threading.Event) -> It
     """
     failed: list[Finished] = []
     reached = ""
-    calls = tokens = 0
+    streak = calls = tokens = 0
     cost = 0.0
     for finished in ran:
         record = finished.record
         if record.failure == _ENDPOINT_FAILED:
             failed.append(finished)
-            if limits.fail_on_errors is not None and len(failed) >= limits.fail_on_errors:
+            streak += 1
+            if limits.fail_on_errors is not None and streak >= limits.fail_on_errors:
                 last = record.error.strip().splitlines()[-1:] or [""]
-                raise RunStopped(f"{len(failed)} episodes in a row found no endpoint; the last: {last[0]}")
+                raise RunStopped(f"{streak} episodes in a row found no endpoint; the last: {last[0]}")
             continue
         if record.usage.calls:
-            yield from failed
-            failed.clear()
+            streak = 0
         yield finished
         calls += record.usage.calls
         tokens += record.usage.prompt_tokens + record.usage.completion_tokens
@@ -101,6 +101,6 @@ def within(ran: Iterator[Finished], limits: Limits, stop: threading.Event) -> It
             if most is not None and spent >= most:
                 reached = f"--max-{name} {most:g} is reached: {spent:g}"
                 stop.set()
-    yield from failed
     if reached:
         raise RunStopped(reached)
+    yield from failed

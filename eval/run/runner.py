@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from importlib import resources
 from itertools import chain
 from pathlib import Path
@@ -259,14 +260,17 @@ def run(
         calls = connections or default_connections(planners)
         stop = threading.Event()
         try:
-            if executor == "ray":
-                from eval.run.cluster import run_on_ray
+            # The servers are tried out while environments are built, and before any episode begins.
+            with ConversationWriter(stored) as conversations, ThreadPoolExecutor(1) as thread:
+                checked = thread.submit(check_endpoints, planners, limits)
+                if executor == "ray":
+                    from eval.run.cluster import run_on_ray
 
-                ran = run_on_ray(left, plan.settings, plan.plugins, address, timeout_s, calls, stop)
-            else:
-                check_endpoints(planners, limits)
-                ran = run_episodes(left, plan.settings, plan.plugins, workers, timeout_s, calls, stop)
-            with ConversationWriter(stored) as conversations:
+                    checked.result()
+                    ran = run_on_ray(left, plan.settings, plan.plugins, address, timeout_s, calls, stop)
+                else:
+                    options = (left, plan.settings, plan.plugins, workers, timeout_s, calls)
+                    ran = run_episodes(*options, stop, checked.result)
                 _write(writer, conversations, header, within(ran, limits, stop), report)
         finally:
             if not path.stat().st_size:

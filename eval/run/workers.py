@@ -14,7 +14,7 @@ import signal
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any, NamedTuple
 
@@ -38,6 +38,7 @@ def run_episodes(
     timeout_s: float | None = None,
     connections: int = 1,
     stop: threading.Event | None = None,
+    ready: Callable[[], object] | None = None,
 ) -> Iterator[Finished]:
     """Yield one result per episode, in the order in which they end.
 
@@ -49,6 +50,7 @@ def run_episodes(
         timeout_s: seconds of wall clock per episode; a worker that hangs past it is ended.
         connections: calls of each model under way at once, over all workers.
         stop: once it is set, nothing further is begun.
+        ready: called before the first episode is begun; what it raises ends the run.
 
     Raises:
         GavelError: a contestant cannot be built, or workers cannot start.
@@ -56,12 +58,14 @@ def run_episodes(
     if not episodes:
         return
     stop = stop or threading.Event()
+    ready = ready or (lambda: None)
     workers = max(1, min(workers, len(groups_of(episodes))))
     each = max(1, connections // workers)
     if workers == 1 and timeout_s is None:
-        yield from _run_here(episodes, Rig(settings, plugins, each), each, stop)
+        yield from _run_here(episodes, Rig(settings, plugins, each), each, stop, ready)
         return
     pool = _Pool(episodes, (settings, tuple(plugins), timeout_s, each), lanes_for(each), stop)
+    ready()
     try:
         yield from pool.run(workers)
     finally:
@@ -76,13 +80,21 @@ def groups_of(episodes: Sequence[Episode]) -> list[list[Episode]]:
     return list(groups.values())
 
 
-def _run_here(episodes: Sequence[Episode], rig: Rig, connections: int, stop: threading.Event) -> Iterator[Finished]:
+def _run_here(
+    episodes: Sequence[Episode],
+    rig: Rig,
+    connections: int,
+    stop: threading.Event,
+    ready: Callable[[], object],
+) -> Iterator[Finished]:
     rig.check(episodes)
     if connections == 1:
+        ready()
         for episode in itertools.takewhile(lambda _: not stop.is_set(), episodes):
             yield rig.run(episode)
         return
     rig.warm(episodes)
+    ready()
     lanes = Lanes(rig, min(lanes_for(connections), len(episodes)))
     running = 0
     try:
