@@ -11,9 +11,10 @@ from collections.abc import Mapping, Sequence
 
 from gavel_agents.llm import Message
 from gavel_agents.understanding import TaskUnderstanding
+from gavel_env.world_model.dynamics import Profile
 from gavel_env.world_model.graph import Flag, Relation, SceneGraph
 
-__all__ = ["EXAMPLES", "SYSTEM", "plan_prompt", "retry_prompt", "situation"]
+__all__ = ["EXAMPLES", "SYSTEM", "examples", "plan_prompt", "retry_prompt", "situation", "system_prompt"]
 
 SYSTEM = """You plan for a household robot with one hand. Answer with the plan only: for every task a line "Task N:", then one action per line.
 Actions:
@@ -91,7 +92,56 @@ TOGGLE_ON floor_lamp@bedroom""",
     ),
 )
 
+_PUT_AWAY_EMPTY_HANDED = """Task 1:
+NAVIGATE_TO top_cabinet@kitchen
+OPEN top_cabinet@kitchen
+NAVIGATE_TO mug
+GRASP mug
+NAVIGATE_TO top_cabinet@kitchen
+PLACE_INSIDE top_cabinet@kitchen
+NAVIGATE_TO plate
+GRASP plate
+NAVIGATE_TO top_cabinet@kitchen
+PLACE_INSIDE top_cabinet@kitchen
+CLOSE top_cabinet@kitchen"""
+
+_WARMED_EMPTY_HANDED = """Task 1:
+NAVIGATE_TO microwave
+OPEN microwave
+NAVIGATE_TO fridge
+OPEN fridge
+GRASP pie
+NAVIGATE_TO microwave
+PLACE_INSIDE microwave
+CLOSE microwave
+TOGGLE_ON microwave
+TOGGLE_OFF microwave
+OPEN microwave
+GRASP pie
+NAVIGATE_TO breakfast_table
+PLACE_ON_TOP breakfast_table
+NAVIGATE_TO microwave
+CLOSE microwave
+NAVIGATE_TO fridge
+CLOSE fridge"""
+
 _LIKELY_ROOMS = 2
+
+
+def system_prompt(profile: Profile = Profile.PAPER) -> str:
+    """Return rules and actions, as the rules profile has them."""
+    if profile is Profile.PAPER:
+        return SYSTEM
+    doors, switches = "OPEN y, CLOSE y: needs: near y,", "TOGGLE_ON y, TOGGLE_OFF y: needs: near y,"
+    return SYSTEM.replace(doors, f"{doors} empty hand,").replace(switches, f"{switches} empty hand,")
+
+
+def examples(profile: Profile = Profile.PAPER) -> tuple[tuple[str, str], ...]:
+    """Return the worked examples, (question, answer) each; every answer is valid under the rules profile."""
+    if profile is Profile.PAPER:
+        return EXAMPLES
+    (put_away, _), (warm, _), last = EXAMPLES
+    return (put_away, _PUT_AWAY_EMPTY_HANDED), (warm, _WARMED_EMPTY_HANDED), last
 
 
 def plan_prompt(
@@ -99,6 +149,7 @@ def plan_prompt(
     tasks: Sequence[TaskUnderstanding],
     graph: SceneGraph,
     likely: Mapping[str, Sequence[str]],
+    profile: Profile = Profile.PAPER,
 ) -> tuple[Message, ...]:
     """Return p = Prompt(I, G_0, B_0, {g_i}): rules, worked examples, then this instruction.
 
@@ -107,9 +158,10 @@ def plan_prompt(
         tasks: what was understood of it.
         graph: the believed graph.
         likely: node -> its rooms by decreasing belief, for nodes whose room is uncertain.
+        profile: rules profile that plans are judged by.
     """
-    turns = [Message("system", SYSTEM)]
-    for question, answer in EXAMPLES:
+    turns = [Message("system", system_prompt(profile))]
+    for question, answer in examples(profile):
         turns += [Message("user", question), Message("assistant", answer)]
     return (*turns, Message("user", situation(text, tasks, graph, likely)))
 

@@ -58,7 +58,7 @@ class Problem:
 
 def proposed_plans(problem: Problem, config: MethodConfig, model: ChatModel, trace: AgentTrace) -> Planned:
     """Ask the model until every task's plan is valid or the budget T is spent."""
-    first = plan_prompt(problem.about.text, problem.tasks, problem.graph, problem.likely)
+    first = plan_prompt(problem.about.text, problem.tasks, problem.graph, problem.likely, problem.profile)
     prompt = first
     goals = [task.goal for task in problem.tasks]
     structured = PlanningProblem(problem.graph, tuple(goals), problem.profile)
@@ -69,7 +69,8 @@ def proposed_plans(problem: Problem, config: MethodConfig, model: ChatModel, tra
         planned = _judge(problem, parsed.plans, trace, repairing=config.repair)
         if all(verdict.valid for verdict in planned.verdicts) or not config.feedback:
             break
-        prompt = retry_prompt(first, _quote(planned.plans), complain(planned.verdicts, goals, parsed))
+        complaint = complain(planned.verdicts, goals, parsed, problem.profile)
+        prompt = retry_prompt(first, _quote(planned.plans), complaint)
     return planned
 
 
