@@ -14,7 +14,7 @@ from gavel_env.exchange import EnvAction, Observed
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.concepts import is_concept
 from gavel_env.world_model.goals import Designator
-from gavel_env.world_model.graph import Relation, SceneGraph
+from gavel_env.world_model.graph import Flag, Relation, SceneGraph
 from gavel_env.world_model.ontology import category_of
 
 __all__ = ["Binder", "Surprise"]
@@ -116,14 +116,15 @@ class Binder:
     ) -> EnvAction:
         """Return the search for a node; one named by its id is searched by category, without those seen already."""
         if not _names_an_instance(node, believed):
-            unfit = self._unfit(node, believed, observed) if is_concept(node) else ()
+            picky = is_concept(node) or _stated(node, believed)
+            unfit = self._unfit(node, believed, observed) if picky else ()
             return EnvAction(Primitive.NAVIGATE_TO, node, prior, tuple(sorted(self.rejected.union(unfit))))
         category = believed.category(node).name
         seen = observed.graph.world.by_category.get(category, ())
         return EnvAction(Primitive.NAVIGATE_TO, category, prior, seen)
 
     def _unfit(self, node: str, believed: SceneGraph, observed: Observed) -> Iterator[str]:
-        """Yield what was seen of a node's concept and cannot do what is asked of the node."""
+        """Yield what was seen of a node's category or concept and is not what is meant."""
         for instance in observed.graph.world.instances(Designator.parse(node).name):
             if not self._fits(node, instance, believed, observed):
                 yield instance
@@ -191,10 +192,22 @@ class Binder:
         kind = observed.graph.category(instance).name
         if kind != wanted.category.name and not any(kind == other.name for other in wanted.others):
             return False
+        if any(instance not in observed.graph.flags[flag] for flag in _stated(node, believed)):
+            return False
         if wanted.stated_room is None:
             return True
         room = observed.graph.room_of(instance)
         return room is not None and observed.graph.world.rooms[room].fits(wanted.stated_room)
+
+
+def _stated(node: str, believed: SceneGraph) -> tuple[Flag, ...]:
+    """Return what a thing that is not found yet is said to be: "shut the cabinet" means one that is open.
+
+    Of a piece that something is said to be in, nothing: it is opened to look, and the next one tried may be shut.
+    """
+    if node in believed.contents:
+        return ()
+    return tuple(flag for flag in (Flag.OPEN, Flag.TOGGLED) if believed.has(flag, node))
 
 
 def _names_an_instance(node: str, believed: SceneGraph) -> bool:

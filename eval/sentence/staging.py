@@ -11,11 +11,11 @@ import typing
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
 from eval.sentence.said_places import Spot, categories_of, read_place
-from eval.sentence.unsaid import presupposed, with_appliances
+from eval.sentence.unsaid import with_appliances
+from gavel_agents.beliefs.believed_graph import presupposed
 from gavel_agents.understanding import TaskUnderstanding
 from gavel_env.errors import NotInHouse
 from gavel_env.house.scenes import BENCHMARK_HOUSES, load_scene
@@ -84,8 +84,7 @@ def stage(
     completed: list[TaskUnderstanding] = []
     for task in tasks:
         task, taken = with_appliances(task, house)
-        before = presupposed(task)
-        completed.append(msgspec.structs.replace(task, relations=tuple(dict.fromkeys((*task.relations, *before)))))
+        completed.append(task)
         notes += taken
     stager = _Stager(house, rng, completed, [read_place(place, house, rng) for place in places])
     put, initial = stager.put(), stager.initial()
@@ -146,9 +145,11 @@ class _Stager:
     def initial(self) -> tuple[str, ...]:
         """Return the states of pieces that hold at the start, as literals over ids."""
         states = []
-        for literal in self._said:
+        reachable = {piece.id for piece in self._house.pieces}
+        for literal in (*self._said, *presupposed(self._tasks)):
             put = self._put.get(str(literal.subject))
             found = fitting(self._house.graph, literal.subject) if put is None else (put.placement.id or "",)
+            found = tuple(o for o in found if o in reachable) or found
             if literal.predicate.flag is not None and found:
                 states.append(str(literal._replace(subject=Designator(pick(self._rng, found)))))
         return tuple(dict.fromkeys(states))

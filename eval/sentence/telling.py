@@ -14,7 +14,7 @@ from eval.sentence.staging import Put
 from gavel_agents.agent import TaskTrace
 from gavel_agents.understanding import Decomposition, Question
 from gavel_env.world_model.actions import Primitive, parse_action
-from gavel_env.world_model.goals import Goal, Literal, Predicate
+from gavel_env.world_model.goals import Goal, Literal, Predicate, parse_literal
 
 __all__ = ["chosen", "tell", "tell_plan", "tell_question", "tell_why", "wish"]
 
@@ -58,7 +58,9 @@ def tell(run: SentenceRun, console: Console) -> None:
     _heading(console, "In the house")
     for put in run.put:
         _line(console, _where_put(put), (f" ({put.why})", "dim"))
-    if not run.put:
+    for state in run.staged.instruction.initial:
+        _line(console, f"{wish(parse_literal(state))}", (" (or nothing would have to be done)", "dim"))
+    if not run.put and not run.staged.instruction.initial:
         _line(console, "everything is there already")
     _heading(console, "Believed at the start")
     _tell_beliefs(run, console)
@@ -116,6 +118,10 @@ def tell_plan(run: SentenceRun, console: Console) -> None:
     if not trace.tasks:
         _line(console, f"none: {trace.stopped}")
         return
+    for answer in trace.completions[-1:]:
+        for line in answer.splitlines():
+            if "# no plan: " in line:
+                _line(console, (line.replace("# ", ""), "red"))
     order = trace.order or range(len(trace.tasks))
     left = [i for i in range(len(trace.tasks)) if i not in order]
     for index in (*order, *left):

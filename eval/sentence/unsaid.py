@@ -1,4 +1,4 @@
-"""What goes without saying: which appliance gives a state, and that what shall be shut or off is open or on."""
+"""What goes without saying: which appliance gives a state."""
 
 from __future__ import annotations
 
@@ -11,22 +11,13 @@ from gavel_agents.understanding import TaskUnderstanding
 from gavel_env.errors import NotInHouse
 from gavel_env.tasks.placements import House
 from gavel_env.world_model.dynamics import conferred
-from gavel_env.world_model.goals import Designator, Literal, Predicate, fitting
+from gavel_env.world_model.goals import Designator, Predicate, fitting
 from gavel_env.world_model.graph import Flag, Node, Relation, Support
 from gavel_env.world_model.ontology import Category
 
-__all__ = ["presupposed", "with_appliances"]
+__all__ = ["with_appliances"]
 
 _GIVEN = {Predicate.COOKED: Flag.COOKED, Predicate.WASHED: Flag.WASHED, Predicate.DRIED: Flag.DRIED}
-
-
-def presupposed(task: TaskUnderstanding) -> tuple[Literal, ...]:
-    """Return what is so before a task: a door that shall be shut is open, what shall be off is on."""
-    return tuple(
-        literal._replace(negated=False)
-        for literal in task.goal.literals
-        if literal.negated and literal.predicate in (Predicate.OPEN, Predicate.TOGGLED)
-    )
 
 
 def with_appliances(task: TaskUnderstanding, house: House) -> tuple[TaskUnderstanding, tuple[str, ...]]:

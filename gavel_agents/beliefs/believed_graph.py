@@ -16,8 +16,9 @@ from gavel_env.world_model.goals import Designator, Literal, Predicate
 from gavel_env.world_model.graph import Flag, Node, Relation, Room, SceneGraph, Support, World
 from gavel_env.world_model.ontology import Category, Ontology, category_of
 
-__all__ = ["believed_graph", "uncertain"]
+__all__ = ["believed_graph", "presupposed", "uncertain"]
 
+_OPERATED = (Predicate.OPEN, Predicate.TOGGLED)
 _SUPPORTS = {Predicate.ON_TOP: Relation.ON_TOP, Predicate.INSIDE: Relation.INSIDE}
 
 
@@ -57,7 +58,25 @@ def believed_graph(
     for task in tasks:
         for relation in task.relations:
             graph = _insert(graph, relation)
+    for state in presupposed(tasks):
+        graph = _insert(graph, state)
     return graph
+
+
+def presupposed(tasks: Sequence[TaskUnderstanding]) -> tuple[Literal, ...]:
+    """Return what goes without saying: a door that shall be shut is open, what shall be off is on.
+
+    Only of tasks that are about doors and switches alone, and of what nothing is said to be or to go in or on: "put the
+    milk in the fridge and shut it" says how the fridge shall be left, not that it stands open.
+    """
+    holders = {lit.object for task in tasks for lit in (*task.relations, *task.goal.literals)}
+    return tuple(
+        literal._replace(negated=False)
+        for task in tasks
+        if not task.goal.conditions and all(lit.predicate in _OPERATED for lit in task.goal.literals)
+        for literal in task.goal.literals
+        if literal.negated and literal.subject not in holders
+    )
 
 
 def uncertain(graph: SceneGraph) -> tuple[str, ...]:

@@ -203,7 +203,7 @@ def _python_literal(body: str, start: int) -> tuple[Any, int]:
         return None, start
     try:
         return ast.literal_eval(body[start:end]), end
-    except (ValueError, SyntaxError, MemoryError, RecursionError):
+    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
         return None, start
 
 

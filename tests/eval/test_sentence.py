@@ -293,6 +293,19 @@ def test_what_shall_be_shut_is_open_at_the_start() -> None:
     assert any("CLOSE" in step.action for step in run.record.steps)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_the_one_that_is_on_is_looked_for_among_several(seed: int, capsys: pytest.CaptureFixture[str]) -> None:
+    """Beechwood_0 has floor lamps in three rooms; which one is on is drawn."""
+    assert main(["run", "Turn off the floor lamp.", "--seed", str(seed)]) == 0
+    assert "on (or nothing would have to be done)" in capsys.readouterr().out
+
+
+def test_what_cannot_be_planned_says_why() -> None:
+    run = gavel.run_sentence("Take the mug to the corridor.")
+    assert not run.success
+    assert "no plan: no sequence of actions known here" in told(run)
+
+
 def test_only_planning_methods_carry_out_sentences() -> None:
     with pytest.raises(BadOption, match="none of the planning methods"):
         gavel.run_sentence(MUG, agent="oracle")
@@ -369,7 +382,14 @@ def test_the_prompt_survives_what_is_not_understood(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shown = typed(
-        "Frobnicate", ":seed x", ":scene nowhere", ":verify nofile", ":png", MUG, monkeypatch=monkeypatch, capsys=capsys
+        "Frobnicate the mug",
+        ":seed x",
+        ":scene nowhere",
+        ":verify nofile",
+        ":png",
+        MUG,
+        monkeypatch=monkeypatch,
+        capsys=capsys,
     )
     for said in ("unknown_word", "a seed is a whole number", "unknown scene 'nowhere'", "write :png FILE", "Done in"):
         assert said in shown
