@@ -2,11 +2,11 @@
 
     python -m envs_data.build.english_words /usr/share/wordnet
 
-One word a line, then letters: n, v, a, r as WordNet has it as noun, verb, adjective, adverb (of nouns and verbs, only
-with a sense that its corpora were tagged with, or the first), and t where the first sense of the noun is an artefact or
-food: something that a household could have. Words that neither are tagged in its corpora nor name such a thing are left
-out. The understanding of instructions uses it in two ways: a word of this list is no typing error for another, and a
-word that could name a thing is asked about instead of being passed over.
+One word a line, then letters: n, v, a, r as WordNet has it as noun, verb, adjective, adverb, t where the first sense of
+the noun is an artefact or food (something that a household could have), and p for irregular past forms. Words that
+neither are tagged in its corpora nor name such a thing are left out. The understanding of instructions uses it in two
+ways: a word of this list is no typing error for another, and a word that could name a thing is asked about instead of
+being passed over.
 """
 
 from __future__ import annotations
@@ -47,6 +47,7 @@ def build(folder: Path) -> str:
             form, *stems = line.split()
             if _WORD.fullmatch(form) and any(tagged[stem] for stem in stems):
                 letters[form].add(letter)
+                letters[form] |= {"p"} if part == "verb" and not form.endswith("ing") else set()
                 tagged[form] += 1
     kept = sorted(lemma for lemma, said in letters.items() if tagged[lemma] or "t" in said)
     return "".join(f"{lemma} {''.join(sorted(letters[lemma]))}\n" for lemma in kept)

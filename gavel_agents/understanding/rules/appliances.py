@@ -125,7 +125,7 @@ def use(discourse: Discourse, act: Act) -> None:
     act.goals.extend(_process_goals(does, act.things))
 
 
-_STOPPING = ("kill", "deactivate", "stop", "extinguish", "douse", "silence")
+_STOPPING = ("off with", "kill", "deactivate", "stop", "extinguish", "douse", "silence")
 
 
 def run(discourse: Discourse, act: Act) -> None:
@@ -136,6 +136,9 @@ def run(discourse: Discourse, act: Act) -> None:
     """
     frame = act.frame
     phrases = [e for e in frame.elements if isinstance(e, Phrase)]
+    if frame.word.startswith("stop") and not frame.of(Entity) and not frame.of(Pronoun):
+        act.passed = True  # stop it, you two
+        return
     if frame.of(Cycle) and not phrases and not frame.of(Entity):
         _run_filled(discourse, act)
         return
@@ -195,6 +198,9 @@ def door(discourse: Discourse, act: Act) -> None:
     if not pieces and (frame.of(Pronoun) or frame.empty or not frame.of(Phrase)) and not about_doors(frame):
         pieces = [p for p in reversed(discourse.places) if any(kind.openable for kind in p.kinds)][:1]
     for entity in pieces:
+        if entity.movable and not any(kind.openable for kind in entity.kinds):
+            act.passed = True  # the yoghurt got shut away
+            continue
         if not any(kind.openable for kind in entity.kinds):
             raise Abstention("cannot_open", f"{said(entity)!r} has no door")
         discourse.used.add(entity)

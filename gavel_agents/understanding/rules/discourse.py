@@ -24,6 +24,7 @@ from gavel_agents.understanding.rules.places import (
     says_where,
     stated_location,
 )
+from gavel_agents.understanding.rules.questions import asked_which_of
 from gavel_agents.understanding.rules.words import Kind
 from gavel_env.world_model.goals import Designator, Literal
 
@@ -77,6 +78,8 @@ class Discourse:
         swapped: two things shall trade places.
         returned: names of what shall be put back.
         fetched: what shall be taken up, and nothing said yet of where it goes.
+        homeless: what shall be moved, and nothing said yet of where to.
+        loosely: things whose place was said without a verb: where they are, if another place follows.
     """
 
     focus: list[Entity] = field(default_factory=list)
@@ -101,6 +104,8 @@ class Discourse:
     swapped: bool = False
     returned: set[str] = field(default_factory=set)
     fetched: set[Entity] = field(default_factory=set)
+    homeless: dict[Entity, None] = field(default_factory=dict)
+    loosely: set[Entity] = field(default_factory=set)
 
     def name(self, act: Act) -> None:
         """Note the noun phrases of a frame; `the bottle` is the wine bottle that was spoken of."""
@@ -126,7 +131,11 @@ class Discourse:
         """Return the thing that was spoken of before and that a vaguer word now names."""
         if len(entity.kinds) == 1:
             return entity
-        fitting = [e for e in dict.fromkeys(reversed(self.known)) if e != entity and set(e.kinds) <= set(entity.kinds)]
+        others = [e for e in dict.fromkeys(reversed(self.known)) if e != entity]
+        fitting = [e for e in others if set(e.kinds) <= set(entity.kinds)]
+        fitting = fitting or [e for e in others if set(e.kinds) & set(entity.kinds)]
+        word = entity.category.removeprefix("any_")  # the bottle: the lemonade, which comes in bottles
+        fitting = fitting or [e for e in others if any(word in kind.name.split("_") for kind in e.kinds)]
         return fitting[0] if len(fitting) == 1 else entity
 
     def _drop_groups(self, act: Act) -> None:
@@ -134,7 +143,19 @@ class Discourse:
         things = movables(act.frame.elements)
         for group in things:
             members = [e for e in things if e != group and set(e.kinds) < set(group.kinds)]
-            if len(members) > 1 or (members and _apposed(act.frame.elements, group, members[0])):
+            many = act.frame.several.get(group, 0)
+            known = [e for e in dict.fromkeys(self.known) if e != group and set(e.kinds) < set(group.kinds)]
+            if many and len(members) < 2:
+                if len(known) != many:
+                    if act.frame.heading or act.frame.aside or act.frame.mood == "fact":
+                        act.frame.elements[:] = [e for e in act.frame.elements if e != group]
+                        act.mentions[:] = [e for e in act.mentions if e != group]
+                        continue  # toiletries: the comb, the brush
+                    raise asked_which_of(said(group), many)
+                at = act.frame.elements.index(group)
+                act.frame.elements[at : at + 1] = known
+                act.mentions[:] = [e for e in act.mentions if e != group] + known
+            elif len(members) > 1 or (members and _apposed(act.frame.elements, group, members[0])):
                 act.frame.elements[:] = [e for e in act.frame.elements if e != group]
                 act.mentions[:] = [e for e in act.mentions if e != group]
 
@@ -168,6 +189,9 @@ class Discourse:
         if pronoun.both and len(self.focus) == 1 and self.container and self._rides(self.focus[0]):
             return [self.container]  # both: the tray with what is on it
         pending = [thing for thing in dict.fromkeys(self.known) if thing in self.fetched and thing not in self.wished]
+        several = list(dict.fromkeys(self.known))[-2:]
+        if pronoun.both and not self.focus and len(several) > 1:
+            return several
         if pronoun.both and len(self.focus) == 1 and len(pending) > 1:
             return pending  # pick up the doll; pick up the car; both go on the bed
         if not self.focus and not self.known and pronoun.weak:
@@ -226,7 +250,8 @@ class Discourse:
         else:
             target = self.resolve(phrase.target)
             if target is None:
-                raise Abstention("no_antecedent", f"what does {phrase.preposition!r} lead to?")
+                self.homeless[thing] = None
+                return
             relation = destination(phrase.preposition, target)
         if relation.holder == thing:
             raise Abstention("unparsed", f"the {said(thing)} cannot hold itself")
@@ -243,20 +268,33 @@ class Discourse:
     def put(self, act: Act, thing: Entity, relation: Relation) -> None:
         """Note a relation that shall hold; an appliance that a thing was brought to before was only on its way."""
         earlier = self.wished.get(thing)
-        if earlier is not None and isinstance(earlier.holder, Room) and isinstance(relation.holder, Entity):
+        if earlier is not None and earlier != relation:
+            relation = self._instead(act, thing, earlier, relation)
+        self.loosely.discard(thing)
+        if not act.frame.verb:
+            self.loosely.add(thing)
+        self.wished[thing] = relation
+        act.goals.append(literal_of(relation, thing))
+
+    def _instead(self, act: Act, thing: Entity, earlier: Relation, relation: Relation) -> Relation:
+        """Take back where a thing was to go before, where that was only on its way, and return where it goes."""
+        if thing in self.loosely:
+            self.drop(thing)  # "Pork chop, in the fridge: …" says where it is
+            self.where[thing] = earlier
+            act.relations.append(literal_of(earlier, thing))
+        elif isinstance(earlier.holder, Room) and isinstance(relation.holder, Entity):
             self.drop(thing)  # to the bathroom, and there into the sink
             if relation.holder.room is None and not relation.holder.movable:
-                relation = relation._replace(holder=relation.holder._replace(room=earlier.holder.type))
-        if earlier is not None and earlier != relation and isinstance(earlier.holder, Entity):
+                return relation._replace(holder=relation.holder._replace(room=earlier.holder.type))
+        elif earlier.holder == self.instrument:
+            self.drop(thing)
+        elif isinstance(earlier.holder, Entity):
             does = process_flag(earlier.holder)
-            if earlier.holder == self.instrument:
-                self.drop(thing)
-            elif does is not None and any(can_become(kind, does) for kind in thing.kinds):
+            if does is not None and any(can_become(kind, does) for kind in thing.kinds):
                 self.drop(thing)  # into the oven and then on the table
                 self.used.add(earlier.holder)
                 act.goals.append(Literal(does, designator_of(thing)))
-        self.wished[thing] = relation
-        act.goals.append(literal_of(relation, thing))
+        return relation
 
     def drop(self, thing: Entity) -> None:
         """Forget where a thing was to go."""

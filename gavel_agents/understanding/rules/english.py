@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import gzip
+import re
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import resources
 
-__all__ = ["could_act", "could_name", "is_english", "stems"]
+__all__ = ["could_act", "could_name", "is_english", "is_past", "stems"]
 
 
 @cache
@@ -27,6 +28,7 @@ def stems(word: str) -> Iterator[str]:
                 yield word[: -len(ending) - 1]
 
 
+_DRAWN_OUT = re.compile(r"(.)\1\1")
 _SHORT = 3
 """Letters of the longest word that is passed over if it is none: `ugh`, `tsk`."""
 
@@ -44,7 +46,12 @@ def is_english(word: str) -> bool:
 def could_name(word: str) -> bool:
     """Return whether a word could name a thing of a household: a known artefact or food, or no English word at all."""
     known = [_letters()[stem] for stem in stems(word) if stem in _letters()]
-    return "t" in known[0] if known else len(word) > _SHORT
+    return "t" in known[0] if known else len(word) > _SHORT and not _DRAWN_OUT.search(word)
+
+
+def is_past(word: str) -> bool:
+    """Return whether a word is the past of a verb: `dragged`, `fell`."""
+    return word.endswith("ed") or "p" in _letters().get(word, "")
 
 
 def could_act(word: str) -> bool:

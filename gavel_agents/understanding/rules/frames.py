@@ -23,9 +23,10 @@ from gavel_agents.understanding.rules.elements import (
     There,
     Unknown,
 )
-from gavel_agents.understanding.rules.english import could_act, could_name
+from gavel_agents.understanding.rules.english import could_act, could_name, is_past
 from gavel_agents.understanding.rules.lexer import Token
 from gavel_agents.understanding.rules.nouns import known_nouns, room_named, thing_named, words_of
+from gavel_agents.understanding.rules.places import process_flag
 from gavel_agents.understanding.rules.questions import asked_meaning, asked_which, spoken
 from gavel_agents.understanding.rules.words import Kind
 from gavel_env.instructions.vocabulary import default_vocabulary
@@ -41,6 +42,19 @@ _STARTS_NOUN = (
 _NUMBERS = {"two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "a couple of": 2, "a pair of": 2, "one": 1}
 _MOST = 6
 _IT_IS = frozenset({"it 's", "they 're", "it is", "they are"})
+_TOLD_BEHIND = {
+    "built in|counter|worktop|fitted": "bottom_cabinet_no_top",
+    "wall|high|hangs|hanging": "top_cabinet",
+    "low|freestanding|free standing|stands|alone|itself": "bottom_cabinet",
+}
+_CONTAINERS = {
+    "box": ("box",), "packet": ("box", "bag", "pack"), "pack": ("box", "bag", "pack"), "bottle": ("bottle",),
+    "can": ("can",), "tin": ("can",), "jar": ("jar",), "tube": ("tube",), "bag": ("bag",), "carton": ("carton", "box"),
+    "cup": ("cup",), "pot": ("cup", "pot"), "jug": ("jug",), "bar": ("bar",), "roll": ("roll",), "tub": ("cup", "box"),
+}  # fmt: skip
+_STANDING = ("freestanding", "free standing", "low", "high", "built in")
+_CABINETS = ("any_cabinet", "any_lower_cabinet", "bottom_cabinet", "bottom_cabinet_no_top", "any_commode")
+_PUT = ("put", "set", "shut", "open")
 _SEVERAL = frozenset({"them", "they", "these", "those", "all of them", "em", "the pair", "the lot", "everything"})
 _FLOOR = frozenset({"floor", "ground"})
 _MEANTIME = frozenset({"meanwhile", "in the meantime", "temporarily", "for the time being", "in between"})
@@ -48,28 +62,70 @@ _TAKES_VERB = ("GET", "LET", "USE")
 _ACTS = ("MOVE", "FILL", "HEAT", "WASH", "DRY", "FREEZE", "RUN", "SWITCH", "OPEN", "CLOSE", "SWAP", "USE")
 
 
-def frames_of(tokens: Sequence[Token], house: Counter[str] | None = None, room: str | None = None) -> list[Frame]:
+def frames_of(
+    tokens: Sequence[Token],
+    house: Counter[str] | None = None,
+    room: str | None = None,
+    memory: list[tuple[str, Entity]] | None = None,
+) -> list[Frame]:
     """Return the frames of one sentence.
 
     Args:
         tokens: of the sentence.
         house: how many rooms of each type the house has, if it is known.
         room: that was spoken of last, before this sentence.
+        memory: nouns that were said before, with what they named; it grows.
 
     Raises:
         Abstention: something in it has no reading.
     """
-    return _Reader(list(_without_fillers(tokens)), house, room).read()
+    return _Reader(list(_without_fillers(tokens)), house, room, [] if memory is None else memory).read()
 
 
+_THANKING = frozenset(
+    [
+        "thankful",
+        "grateful",
+        "glad",
+        "happy",
+        "obliged",
+        "pleased",
+        "delighted",
+        "relieved",
+        "great",
+        "nice",
+        "lovely",
+        "wonderful",
+        "good",
+        "appreciate",
+        "kind",
+        "appreciated",
+        "like",
+        "love",
+        "mind",
+        "welcome",
+    ]
+)
 _HESITATIONS = frozenset(["um", "uh", "er", "erm", "hmm", "like", "well", "oh", "ah"])
 
 
 def _without_fillers(tokens: Sequence[Token]) -> Iterator[Token]:
     """Yield the tokens that say something, without marks around a hesitation or after `at:`."""
+    compared = -1
     for index, token in enumerate(tokens):
+        if index <= compared:
+            continue
+        following = tokens[index + 1] if index + 1 < len(tokens) else None
+        if token.text in ("like", "as") and following is not None and following.text in ("a", "an"):
+            compared = index + 1  # tall as a tower
+            while compared + 1 < len(tokens) and tokens[compared + 1].kind in (Kind.ADJECTIVE, Kind.UNKNOWN, Kind.NOUN):
+                compared += 1
+            continue
         around = (*tokens[max(index - 1, 0) : index], *tokens[index + 1 : index + 2])
         if token.kind is Kind.FILLER:
+            continue
+        if token.kind is Kind.IF and any(t.text in _THANKING for t in tokens[max(index - 8, 0) : index]):
+            yield token._replace(kind=Kind.MARK)  # I'd be so grateful if the mug could …
             continue
         if token.kind is Kind.COMMA and any(t.text in _HESITATIONS for t in around):
             continue
@@ -79,8 +135,11 @@ def _without_fillers(tokens: Sequence[Token]) -> Iterator[Token]:
 
 
 class _Reader:
-    def __init__(self, tokens: Sequence[Token], house: Counter[str] | None, room: str | None) -> None:
+    def __init__(
+        self, tokens: Sequence[Token], house: Counter[str] | None, room: str | None, memory: list[tuple[str, Entity]]
+    ) -> None:
         self.tokens = tokens
+        self.memory = memory
         self.room_before = room
         self.house = house
         self.position = 0
@@ -163,6 +222,9 @@ class _Reader:
         elif kind in (Kind.FACT, Kind.WISH):
             self.state(token)
         elif kind is Kind.MARK:
+            if token.text.startswith(("when", "by")) and self.frame.mood == "fact" and self.frame.of(Entity):
+                self.frame.mood = "wish"  # the lamp is off when she returns
+                return
             self.close()
             self.frame.marked = True
         elif kind is Kind.VERB:
@@ -203,10 +265,19 @@ class _Reader:
     def separate(self, token: Token) -> None:
         frame = self.frame
         self.preposition, self.inserted = None, False
+        following = self.peek()
+        if token.text in ("while", "whereas") and following is not None and following.form == "ing":
+            self.close()
+            frame = self.frame
+            frame.aside, frame.verb = True, "TOLD"  # while making tea
+            return
         if token.text in _MEANTIME and frame.verb and not self.continues():
             frame.meantime = True
             return
-        if frame.aside and not (token.kind is Kind.COMMA and not frame.verb) and token.kind not in (Kind.AND, Kind.OR):
+        lists = (
+            token.kind is Kind.COMMA and not frame.verb and frame.elements and isinstance(frame.elements[-1], Entity)
+        )
+        if frame.aside and not lists and token.kind not in (Kind.AND, Kind.OR):
             self.close()
         frame = self.frame
         if token.text in (":", "-"):
@@ -230,6 +301,8 @@ class _Reader:
         """Take a bracket: what stands in brackets behind a thing says where it is, unless it is a clause."""
         self.inserted = False
         if token.value == ")":
+            if self.frame.negated or self.frame.aside:
+                self.close()
             return
         inside: list[Kind] = []
         while (ahead := self.peek(len(inside))) is not None and ahead.value != ")":
@@ -259,7 +332,7 @@ class _Reader:
         if any(isinstance(e, Entity) and not e.movable for e in frame.elements) or frame.of(Phrase):
             return False
         ahead = 0
-        while self.kind(ahead) in (Kind.DETERMINER, Kind.ADJECTIVE):
+        while self.kind(ahead) in (Kind.DETERMINER, Kind.ADJECTIVE, Kind.UNKNOWN):
             ahead += 1
         if self.kind(ahead) is Kind.ROOM:
             return True
@@ -291,7 +364,10 @@ class _Reader:
         while self.kind(ahead) in (Kind.ADJECTIVE, Kind.DETERMINER):
             ahead += 1
         following = self.peek(ahead)
-        if following is None or following.kind not in (Kind.NOUN, Kind.UNKNOWN, Kind.ROOM):
+        if following is not None and following.kind is Kind.UNKNOWN:
+            after = self.peek(ahead + 1)
+            following = after if after is not None and after.form == "s" else None  # not: a two-handled pot
+        if following is None or following.kind not in (Kind.NOUN, Kind.ROOM):
             self.many = 0
 
     def tell(self, token: Token) -> None:
@@ -385,6 +461,9 @@ class _Reader:
 
     def relate(self, token: Token) -> None:
         """Take `that's`, `that I left`: a phrase that follows says where the thing before it is."""
+        following = self.peek()
+        if following is not None and following.kind is Kind.VERB and following.form == "ed":
+            self.position += 1  # that was left in the garden
         self.relative = self.kind() is Kind.PREPOSITION
 
     # --- noun phrases -----------------------------------------------------------------------------------------------
@@ -403,6 +482,11 @@ class _Reader:
                 return
             room, token = named, following
             self.position += ahead + 1
+        contained = self.contained(token)
+        if contained is not None:
+            self.put_many(contained, token, self.many)
+            self.many = 0
+            return
         cabinet = self.kind_of_cabinet(token)
         if cabinet is not None:
             self.many = 0
@@ -417,10 +501,27 @@ class _Reader:
             return
         self.put(self.entity(token, room or self.room_after()))
 
+    def contained(self, token: Token) -> Entity | None:
+        """Take `of matches` after `box`, where some kind of them comes in boxes."""
+        words = _CONTAINERS.get(token.text.removesuffix("es")) or _CONTAINERS.get(token.text.removesuffix("s"))
+        words = words or _CONTAINERS.get(token.text)
+        of, content = self.peek(), self.peek(1)
+        if words is None or of is None or of.text != "of" or content is None or content.kind is not Kind.NOUN:
+            return None
+        kinds = Entity(known_nouns()[words_of(content.text)].name).kinds
+        fitting = [k.name for k in kinds if set(words) & set(k.name.split("_"))]
+        if len(fitting) != 1:
+            usual = [name for name in fitting if name in default_vocabulary().movables]
+            fitting = usual if len(usual) == 1 else []
+        if not fitting:
+            return None
+        self.position += 2
+        return Entity(fitting[0])
+
     def kind_of_cabinet(self, token: Token) -> str | None:
         """Return which kind of cabinet is meant: a low one, one on the wall, one under the counter."""
         named = known_nouns()[words_of(token.text)]
-        if named.name not in ("any_cabinet", "any_lower_cabinet", "bottom_cabinet", "any_locker") or self.house is None:
+        if named.name not in _CABINETS or self.house is None:
             return None
         words: list[str] = []
         at = self.tokens.index(token) - 1
@@ -428,12 +529,30 @@ class _Reader:
             words.append(self.tokens[at].text)
             at -= 1
         said = " ".join(words)
+        behind = self.said_behind()
         if self.under_counter_follows() or any(word in said for word in ("counter", "built in", "fitted", "base")):
             return "bottom_cabinet_no_top"
         if any(word in words for word in ("high", "upper", "wall", "overhead", "wall mounted", "top", "hanging")):
             return "top_cabinet"
-        low = any(word in said for word in ("low", "freestanding", "free standing", "floor standing", "bottom"))
-        return "bottom_cabinet" if low else None
+        if any(word in said for word in ("low", "freestanding", "free standing", "floor standing", "bottom")):
+            return "bottom_cabinet_no_top" if "built in" in behind else "bottom_cabinet"
+        return next((kind for words, kind in _TOLD_BEHIND.items() if any(w in behind for w in words.split("|"))), None)
+
+    def said_behind(self) -> str:
+        """Return what is said behind a cabinet's word and may tell its kind: `…, the built-in kind`."""
+        words: list[str] = []
+        for token in self.tokens[self.position : self.position + 9]:
+            if token.kind in (Kind.STOP, Kind.AND, Kind.VERB, Kind.MARK, Kind.SUBJECT):
+                break
+            if token.kind is Kind.COMMA:
+                rest = self.tokens[self.tokens.index(token) + 1 :][:5]
+                kinds = [t.text for t in rest]
+                if not ({"one", "ones", "kind", "type", "sort"} & set(kinds) or (rest and rest[0].text in _STANDING)):
+                    break
+            if token.kind is Kind.NOT:
+                break
+            words.append(token.text)
+        return " ".join(words)
 
     def under_counter_follows(self) -> int:
         """Return how many tokens say that a cabinet stands under the counter; 0 if none do."""
@@ -450,6 +569,22 @@ class _Reader:
             ahead += 1
         counter = self.peek(ahead)
         return ahead + 1 if counter is not None and counter.value in ("any_counter", "countertop") else 0
+
+    def refines_cabinet(self) -> bool:
+        """Take `under the worktop` where it tells which cabinet is meant that was said before."""
+        self.position -= 1
+        count = self.under_counter_follows()
+        elements = self.frame.elements
+        for index in range(len(elements) - 1, -1, -1) if count else ():
+            element = elements[index]
+            piece = element.target if isinstance(element, Phrase) else element
+            if isinstance(piece, Entity) and piece.category in _CABINETS:
+                told = piece._replace(category="bottom_cabinet_no_top")
+                elements[index] = element._replace(target=told) if isinstance(element, Phrase) else told
+                self.position += count
+                return True
+        self.position += 1
+        return False
 
     def under_counter(self) -> str | None:
         """Take `under the kitchen counter` after a cabinet; return the room that it says."""
@@ -469,9 +604,16 @@ class _Reader:
         before = self.previous
         single = before is not None and before.text.endswith((" of the", " of my", " of our"))
         if many == 0 and token.form == "s" and not single and not _comes_in_pairs(entity):
-            many = 2 if self.pair or len(entity.kinds) == 1 else 1
+            many = 2
         self.pair = False
         if many in (0, 1):
+            self.put(entity)
+            return
+        usual = [kind.name for kind in entity.kinds if kind.name in default_vocabulary().movables]
+        if len(entity.kinds) > 1 and len(usual) == 1:
+            entity = Entity(usual[0])
+        if 1 < many <= _MOST and len(entity.kinds) > 1:
+            self.frame.several[entity] = many
             self.put(entity)
             return
         if many < 0 or many > _MOST or len(entity.kinds) > 1:
@@ -483,7 +625,26 @@ class _Reader:
             self.preposition, self.relative = preposition, relative
             self.put(Entity(f"{entity.category}_{index}"))
 
+    def spoken_of(self, word: str) -> Entity | None:
+        """Return the thing that `the bowl` takes up: the mixing bowl that was spoken of."""
+        for said, entity in reversed(self.memory):
+            if " " in said and word in said.split() and not said.startswith(f"{word} "):
+                return entity
+            if said == word:
+                return None
+        return next((e for said, e in reversed(self.memory) if said.startswith(f"{word} of ")), None)
+
     def entity(self, token: Token, room: str | None) -> Entity:
+        before = self.previous
+        if before is not None and before.text in ("the", "that", "this") and " " not in token.text:
+            taken_up = self.spoken_of(token.text)
+            if taken_up is not None and taken_up.movable:
+                return taken_up
+        entity = self.named_entity(token, room)
+        self.memory.append((token.text, entity))
+        return entity
+
+    def named_entity(self, token: Token, room: str | None) -> Entity:
         named = known_nouns()[words_of(token.text)]
         return Entity(thing_named(named, token.text, room, self.house), room)
 
@@ -532,6 +693,8 @@ class _Reader:
     def room_after(self) -> str | None:
         """Take `in the kitchen` after a piece of furniture."""
         ahead = 1 if self.kind() is Kind.RELATIVE else 0
+        while self.kind(ahead) is Kind.VERB and self.tokens[self.position + ahead].value == "OPEN":
+            ahead += 1  # the cabinet standing open in the hall
         leading = self.peek(ahead)
         if leading is None or leading.kind is not Kind.PREPOSITION or leading.text not in _IN_ROOM:
             return None
@@ -549,11 +712,16 @@ class _Reader:
 
     def unknown(self, token: Token) -> None:
         """Take a word that is not known: it goes with a noun, names something, orders something, or is passed over."""
+        if self.frame.aside and could_act(token.text):
+            self.frame.verb = self.frame.verb or "TOLD"
         following, before = self.peek(), self.previous
         if len(token.text) < 2 and before is not None:
             return
         if token.text in _FLOOR:
             self.floor()
+            return
+        if token.text in ("wall", "walls"):
+            self.on_the_wall()
             return
         if (
             following is not None
@@ -566,11 +734,43 @@ class _Reader:
             words = f"{before.text} {token.text}" if before else token.text
             raise asked_meaning(words)
         led = before is not None and before.kind in _LEADS and token.close
+        taken_up = self.spoken_of(token.text) if before is not None and before.text in ("the", "that") else None
+        if taken_up is not None:
+            self.put(taken_up)
+            return
         starts = self.frame.empty and not self.subject and not self.frame.marked
-        if not led and starts and could_act(token.text) and following is not None and following.kind in _STARTS_NOUN:
+        told = is_past(token.text) or token.text.endswith("s")
+        tells = before is not None and before.kind is Kind.NOUN and token.close and could_act(token.text) and told
+        if tells and not self.frame.verb and self.frame.mood == "do" and not self.gap and not could_name(token.text):
+            self.state(token._replace(kind=Kind.FACT, value="told", text=token.text))  # my scarf fell
+            return
+        if (
+            not led
+            and starts
+            and not told
+            and could_act(token.text)
+            and following is not None
+            and following.kind in _STARTS_NOUN
+        ):
             self.frame.verb, self.frame.word = "UNKNOWN", token.text
         elif led or self.preposition is not None or (could_name(token.text) and not token.name):
             self.put(Unknown(token.text))
+
+    def on_the_wall(self) -> None:
+        """Take `on the kitchen wall` after a cabinet: it tells which kind is meant."""
+        elements = self.frame.elements
+        if elements and isinstance(elements[-1], Phrase) and isinstance(elements[-1].target, Room):
+            room: str | None = elements.pop().target.type  # type: ignore[union-attr]
+        else:
+            room = self.room_after()
+        self.preposition = None
+        for index in range(len(elements) - 1, -1, -1):
+            element = elements[index]
+            piece = element.target if isinstance(element, Phrase) else element
+            if isinstance(piece, Entity) and piece.category in _CABINETS:
+                told = Entity("top_cabinet", piece.room or room)
+                elements[index] = element._replace(target=told) if isinstance(element, Phrase) else told
+                return
 
     def floor(self) -> None:
         """Take `the kitchen floor`, `the floor of a bedroom`: where a thing lies, and not where it goes."""
@@ -592,7 +792,9 @@ class _Reader:
         """
         self.choose(target)
         if isinstance(target, Entity) and self.preposition is None and self.starts_anew(target):
+            separators = [e for e in self.frame.elements if isinstance(e, Separator)]
             self.close()
+            self.frame.before = self.frame.before or [e.kind for e in separators[-1:]]
         if self.repeats(target):
             return
         if self.inserted:
@@ -606,6 +808,7 @@ class _Reader:
             else:
                 self.frame.elements.append(target)
                 return
+        target = self.with_room_before(target)
         word = self.preposition.text
         preposition = self.preposition.value
         directional = preposition in ("to", "arrow") or word in ("into", "onto", "on to", "in to")
@@ -619,8 +822,26 @@ class _Reader:
             return
         other = elements[-2].target if isinstance(elements[-2], Phrase) else elements[-2]
         if isinstance(other, Entity) and isinstance(target, Entity) and not self.frame.aside:
-            first, second = spoken(other), spoken(target)
-            raise asked_which(f"{first} or {second}", (first, second))
+            said = [t for t in self.tokens[: self.position] if t.close or t.kind not in _SEPARATORS]
+            nouns = [index for index, t in enumerate(said) if t.kind is Kind.NOUN][-2:]
+            words = " ".join(t.text for t in said[nouns[0] : nouns[-1] + 1]) if len(nouns) == 2 else ""
+            raise asked_which(words, (spoken(other), spoken(target)))
+
+    def with_room_before(
+        self, target: Entity | Pronoun | Room | There | Unknown
+    ) -> Entity | Pronoun | Room | There | Unknown:
+        """Return a piece with the room that was said just before: `in the pantry, in a cupboard`."""
+        elements = self.frame.elements
+        if not isinstance(target, Entity) or target.movable or target.room is not None or len(elements) < 2:
+            return target
+        before, mark = elements[-2], elements[-1]
+        if not isinstance(mark, Separator) or mark.kind is not Kind.COMMA:
+            return target
+        room = before.target if isinstance(before, Phrase) and before.preposition in ("in", "at", "to") else None
+        if isinstance(before, Phrase) and isinstance(room, Room) and not before.relative:
+            elements.remove(before)
+            return target._replace(room=room.type)
+        return target
 
     def starts_anew(self, target: Entity) -> bool:
         """Return whether a thing begins another clause: `hall light off, the mug in the sink`."""
@@ -632,9 +853,17 @@ class _Reader:
         if parts and lit and not frame.of(Phrase):
             return not frame.verb or frame.mood == "wish"
         following = self.peek()
-        placed = following is not None and following.kind is Kind.PREPOSITION and following.value in ("on", "in", "to")
-        processed = frame.verb in ("WASH", "DRY", "HEAT") and bool(frame.of(Entity) + frame.of(Pronoun))
         marked = bool(frame.elements) and isinstance(frame.elements[-1], Separator)
+        switches = (
+            following is not None and following.value in ("on", "off") and any(k.toggleable for k in target.kinds)
+        )
+        if switches and marked and frame.of(Entity) and not target.movable and self.kind(1) in (None, *_SEPARATORS):
+            return True  # hockey stick in a bookcase and one computer on
+        if frame.mood == "fact" and marked and process_flag(target) is not None and not target.movable:
+            return True  # my pajamas are wet, dryer please
+        placed = following is not None and following.kind is Kind.PREPOSITION and following.value in ("on", "in", "to")
+        through = any(isinstance(e, Phrase) and e.preposition == "through" for e in frame.elements)
+        processed = (through or frame.verb in ("WASH", "DRY", "HEAT")) and bool(frame.of(Entity) + frame.of(Pronoun))
         return processed and target.movable and placed and marked and bool(frame.of(Phrase) or frame.done)
 
     def repeats(self, target: object) -> bool:
@@ -659,6 +888,14 @@ class _Reader:
         """Take a preposition: it leads a phrase, a verb, or stands alone."""
         following = self.kind()
         if token.text == "for" and self.wished_for():
+            return
+        if token.value == "under" and self.refines_cabinet():
+            return
+        after = self.peek()
+        purpose = token.text == "to" and after is not None and after.kind is Kind.UNKNOWN
+        if purpose and after is not None and could_act(after.text) and not could_name(after.text):
+            self.close()  # to measure my boats
+            self.frame.aside, self.frame.verb = True, "TOLD"
             return
         if following in _STARTS_NOUN:
             self.preposition = token
@@ -725,6 +962,8 @@ class _Reader:
         frame = self.frame
         if self.previous is not None and self.previous.kind is Kind.WISH and token.kind is Kind.WISH:
             return  # should go, needs to end up
+        if frame.verb == "LET" and token.text in ("lie", "sit", "stand", "remain", "live"):
+            return  # let it lie in there
         if token.text == "go" and frame.empty and not frame.marked:
             if self.kind() is not Kind.VERB:  # "go find it" says no more than "find it"
                 frame.verb, frame.word = "GET", "go"  # go to the fridge for the milk
@@ -775,10 +1014,12 @@ class _Reader:
         frame = self.frame
         infinitive, self.infinitive = self.infinitive, False
         after_separator = bool(frame.elements) and isinstance(frame.elements[-1], Separator)
+        before_token = self.previous
         if self.previous is not None and self.previous.kind is Kind.DOOR and token.value in ("OPEN", "CLOSE"):
             return  # "door shut"
+        got = token.text == "get" and before_token is not None and before_token.kind is Kind.NOUN and token.close
         if (
-            token.text in ("need", "want", "require")
+            (got or token.text in ("need", "want", "require"))
             and not self.subject
             and not frame.verb
             and frame.of(Entity) + frame.of(Pronoun)
@@ -788,6 +1029,12 @@ class _Reader:
         if self.gap:
             self.gap = False
             return  # the mug I used
+        nameless = (
+            not frame.verb and frame.mood == "do" and frame.of(Unknown) and not frame.of(Entity) + frame.of(Phrase)
+        )
+        if nameless and not after_separator and (token.form == "ed" or is_past(token.text)):
+            frame.mood, frame.verb, frame.word, frame.told = "fact", "BE", token.text, True
+            return  # Rosa brought …
         if self.modifies(token):
             return  # the empty bottle, the frozen pizza
         if self.subject and token.value == "GET" and not frame.verb:
@@ -796,7 +1043,7 @@ class _Reader:
         participle = token.form in ("ed", "ing") or infinitive
         orders = token.form == "base" or token.text in ("put", "set", "shut")
         if token.form == "ed" and frame.verb and not frame.aside and not after_separator:
-            subject = self.split_participle() or (self.split_subject() if frame.mood == "do" else [])
+            subject = self.split_participle() or self.split_subject()
             if subject:
                 self.close()
                 self.frame.elements = subject
@@ -806,6 +1053,19 @@ class _Reader:
         if frame.aside and not (after_separator and orders and not infinitive):
             frame.verb, frame.word = frame.verb or token.value, token.text
             return
+        alone = not frame.verb and frame.mood == "do" and not after_separator and not frame.marked and not frame.aside
+        before, following = self.previous, self.peek()
+        after_noun = (
+            before is not None and before.kind in (Kind.NOUN, Kind.ROOM) and token.close and bool(frame.elements)
+        )
+        if alone and after_noun and token.form == "base" and not infinitive and token.text not in _PUT:
+            if _says_where(frame):
+                self.close()  # socks in the hamper wash the jeans
+                self.frame.verb, self.frame.word = token.value, token.text
+                return
+            if following is None or following.kind not in (Kind.PRONOUN, Kind.PREPOSITION, Kind.THERE):
+                frame.mood, frame.verb, frame.word, frame.told = "fact", "BE", token.text, True  # the cleaners start
+                return
         if frame.mood == "fact" and not after_separator and not frame.of(Phrase):
             return  # a state that is told: "is left", "is clean"
         if (

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 
 from gavel_agents.understanding.interface import Abstention
 from gavel_agents.understanding.rules.discourse import Act, Discourse, movables, said
-from gavel_agents.understanding.rules.elements import Entity, Phrase, Pronoun
+from gavel_agents.understanding.rules.elements import Entity, Phrase, Pronoun, Unknown
 from gavel_agents.understanding.rules.places import says_where
-from gavel_agents.understanding.rules.questions import asked_where
 from gavel_agents.understanding.rules.words import verb_forms
 
 __all__ = ["Group", "grouped", "locate", "locates", "place"]
@@ -71,7 +70,7 @@ def grouped(discourse: Discourse, act: Act) -> tuple[list[Phrase], list[Group]]:
             if element.preposition == "with" and isinstance(target, Entity) and target.movable:
                 groups.append(Group([target]))
                 last, accompanied = target, True
-            elif not says_where(element.preposition):
+            elif not says_where(element.preposition) or isinstance(target, Unknown):
                 continue
             elif not group.things and not leading and named:
                 leading.append(element)
@@ -141,7 +140,7 @@ def place(discourse: Discourse, act: Act, leading: Sequence[Phrase], groups: Seq
             for thing in group.things:
                 discourse.wish(act, thing, end)
         elif act.frame.verb in ("MOVE", "BE") and discourse.following is None and not _placed(discourse, group):
-            raise asked_where(group.things[0])
+            discourse.homeless.update(dict.fromkeys(group.things))
 
 
 def _placed(discourse: Discourse, group: Group) -> bool:

@@ -256,14 +256,16 @@ def _is_noun(words: Sequence[str], after: int, entry: _Entry, before: Token | No
         return False
     if entry.closed.kind is Kind.VERB and before.kind in _ARGUMENT and before.value != "to":
         return not (before.kind is Kind.VERB and entry.closed.form != "base")
-    return before.kind in _LEADS
+    return before.kind in _LEADS and before.kind is not Kind.ROOM
 
 
 def _short_is(words: Sequence[str], start: int, before: Token | None) -> Token:
     """Return what `'s` does: `the mug's on the desk`, `the mug's handle`."""
     following = words[start + 1] if start + 1 < len(words) else ""
     entry = next(iter(_phrases().get(following, ())), None)
-    states = (Kind.PREPOSITION, Kind.NOT, Kind.ADJECTIVE, Kind.PARTICLE)
+    states = (Kind.PREPOSITION, Kind.NOT, Kind.ADJECTIVE, Kind.PARTICLE, Kind.THERE, Kind.FILLER, Kind.DETERMINER)
+    if following.endswith("ing") and before is not None and before.kind in (Kind.NOUN, Kind.PRONOUN, Kind.UNKNOWN):
+        return Token(Kind.FACT, "", "is")  # the phone's ringing
     is_state = entry is not None and entry.closed is not None and entry.closed.kind in states and entry.noun is None
     if is_state and before is not None and before.kind in (Kind.NOUN, Kind.PRONOUN):
         return Token(Kind.FACT, "", "is")
@@ -285,14 +287,16 @@ def _repair(words: Sequence[str], at: int, name: bool) -> tuple[list[str], bool]
     if is_english(word) or len(word) < 4 or word.isdigit() or name:
         return None
     near = _speller().nearest(word)
-    return ([near], False) if near else None
+    if len(near) > 1:  # the coffe table
+        near = tuple(w for w in near if any(e.words[:2] == (w, following) for e in _phrases().get(w, ())))
+    return ([near[0]], False) if len(near) == 1 else None
 
 
 def _told(tokens: list[Token]) -> list[Token]:
     """Return the tokens with `Tom left` and `I put` as one that tells where something is."""
     read: list[Token] = []
     for token in tokens:
-        if token.kind is Kind.VERB and token.text in word_lists().lists.told and token.close:
+        if token.kind in (Kind.VERB, Kind.UNKNOWN) and token.text in word_lists().lists.told and token.close:
             back = len(read) - 1
             while (
                 back >= 0 and read[back].kind is Kind.FILLER and read[back + 1 if back + 1 < len(read) else back].close

@@ -47,7 +47,7 @@ _ALWAYS_FIRST = frozenset({"lower cabinet", "bottom cabinet"} | set(word_lists()
 _SWITCHED = ("light", "ceiling light", "main light", "overhead light", "room light", "big light")
 
 _NEVER_ROOMS = frozenset({"bath", "bar", "lab", "side", "store", "toilet", "hall tree", "shower"})
-_NEVER_NOUNS = frozenset(
+_NEVER_NOUNS = frozenset({"cycle", "cycles", "cabinet door", "cabinet doors"}) | frozenset(
     {"door", "doors", "floors", "walls", "floor", "wall", "lid", "drawer", "food", "dishes in question"}
 )
 
@@ -174,7 +174,7 @@ def known_nouns() -> Mapping[tuple[str, ...], Named]:
 def only_led(words: Iterable[str]) -> bool:
     """Return whether a phrase is a noun only after an article or the like."""
     said = " ".join(words)
-    return said in word_lists().lists.only_led or said.removesuffix("s") in word_lists().lists.only_led
+    return any(stem in word_lists().lists.only_led for stem in (said, said.removesuffix("s"), said.removesuffix("es")))
 
 
 def thing_named(named: Named, text: str, room: str | None, house: Counter[str] | None) -> str:

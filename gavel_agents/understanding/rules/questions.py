@@ -16,6 +16,7 @@ __all__ = [
     "asked_what",
     "asked_where",
     "asked_which",
+    "asked_which_of",
     "spoken",
 ]
 
@@ -49,6 +50,12 @@ def asked_which(words: str, choices: Sequence[str]) -> Abstention:
     """Return the refusal of what leaves a choice open."""
     question = Question(f"which:{words}", f"Which is meant by {words!r}?", words, tuple(choices))
     return Abstention("choice", words, question)
+
+
+def asked_which_of(words: str, many: int) -> Abstention:
+    """Return the refusal of several things of kinds that are not said."""
+    question = Question(f"count:{words}", f"Which {many} are meant by {words!r}? Name each of them.", words)
+    return Abstention("counting", f"{many} {words}", question)
 
 
 def asked_end(thing: str, places: Sequence[str], detail: str) -> Abstention:

@@ -14,8 +14,9 @@ from gavel_agents.understanding.rules.elements import Entity, Frame, Phrase
 from gavel_agents.understanding.rules.frames import frames_of
 from gavel_agents.understanding.rules.lexer import Token, tokens_of
 from gavel_agents.understanding.rules.nouns import kinds_of
-from gavel_agents.understanding.rules.questions import answered, asked_instead, asked_what
-from gavel_agents.understanding.rules.sense import check_sense, one_end
+from gavel_agents.understanding.rules.questions import answered, asked_instead, asked_what, asked_where
+from gavel_agents.understanding.rules.sense import check_already, check_sense, one_end
+from gavel_agents.understanding.rules.signals import check_signals
 from gavel_agents.understanding.rules.tasks import Sentence, split_tasks
 from gavel_agents.understanding.rules.text import readable
 from gavel_agents.understanding.rules.verbs import read_frame
@@ -27,6 +28,8 @@ __all__ = ["RulesUnderstanding"]
 
 _MOST_QUESTIONS = 20
 _FORBIDDING = re.compile(r"\b(?:don't|do not|never|not)\b[\w' ]{0,40}\b(?:anything|any of it|a thing)\b", re.IGNORECASE)
+_RETURNING = re.compile(r"\b(?:back|again|return\w*|stay\w*|leav\w*|left|keep\w*|remain\w*|still)\b", re.IGNORECASE)
+"""Words of what goes back to where it is, or stays there."""
 _FINAL = ("empty", "too_long", "not_text", "foreign")
 """Reasons that no answer helps against: it must be said anew."""
 
@@ -58,10 +61,11 @@ class RulesUnderstanding:
 def _read(text: str, house: Counter[str] | None, answers: Mapping[str, str]) -> Decomposition:
     tokens = tokens_of(text)
     discourse = Discourse()
+    memory: list[tuple[str, Entity]] = []
     read: list[Sentence] = []
     opened = False
     for sentence in _sentences(text, tokens):
-        frames = frames_of(sentence.tokens, house, discourse.room)
+        frames = frames_of(sentence.tokens, house, discourse.room, memory)
         opened = opened or sentence.opened
         if not frames:
             opened = True
@@ -72,6 +76,8 @@ def _read(text: str, house: Counter[str] | None, answers: Mapping[str, str]) -> 
             read[-1].acts.append(read_frame(discourse, frame, following))
     tasks = split_tasks(read)
     if not tasks:
+        if discourse.homeless:
+            raise asked_where(next(iter(discourse.homeless)))
         raise Abstention("no_goal", "nothing is asked for")
     _check_complete(discourse, tasks)
     tasks = one_end(tasks, answers)
@@ -83,8 +89,11 @@ def _read(text: str, house: Counter[str] | None, answers: Mapping[str, str]) -> 
     forbidden = _FORBIDDING.search(text)
     if forbidden is not None:
         raise asked_instead("contradiction", f"{forbidden.group()!r} forbids what else is asked for")
-    check_sense(asked, stated, discourse.returned)
+    if not _RETURNING.search(text):
+        check_already(asked, stated)
+    check_sense(asked)
     asides = [act.frame for act in discourse.acts if act.passed]
+    check_signals(tokens, asides, asked, stated)
     notes = tuple(
         f"{text[t.start : t.end]!r}: where in a room things are is not known" for t in tokens if t.kind is Kind.SPOT
     )
@@ -161,20 +170,35 @@ def _check_complete(discourse: Discourse, tasks: Sequence[TaskUnderstanding]) ->
     told = {d.name for task in tasks for literal in task.relations for d in _named(literal)}
     used = [kinds_of(name) for name in asked]
     for act in discourse.acts:
+        if act.passed and not act.frame.negated:
+            _check_passed(act, asked)
         for entity in act.mentions if not act.passed else ():
             done = entity.category in asked or any(set(entity.kinds) & set(kinds) for kinds in used)
             fact = act.frame.mood == "fact" or not entity.movable
-            if not (
-                done or (fact and (entity.category in told or act.frame.mood == "fact")) or entity in discourse.used
-            ):
-                raise asked_what(entity)
+            if not (done or (fact and _told(act, entity, told)) or entity in discourse.used):
+                raise asked_where(entity) if entity in discourse.homeless else asked_what(entity)
+
+
+def _check_passed(act: Act, asked: Collection[str]) -> None:
+    """Refuse a remark that speaks of a thing for which nothing is asked, or of a place: it may have been a request.
+
+    Raises:
+        Abstention: `unparsed`.
+    """
+    places = [e for e in act.frame.elements if isinstance(e, Phrase) and isinstance(e.target, Entity)]
+    lost = [entity for entity in act.mentions if entity.movable and entity.category not in asked]
+    if lost:
+        raise asked_what(lost[0])
+    if any(isinstance(p.target, Entity) and not p.target.movable for p in places):
+        raise asked_instead("unparsed", "a remark may ask for something that is not understood")
 
 
 def _told(act: Act, entity: Entity, told: Collection[str]) -> bool:
     """Return whether it is enough that something is told of a thing: of furniture, or of what someone did."""
     if entity.movable:
         return act.frame.told or not any(isinstance(e, Phrase) for e in act.frame.elements)
-    return act.frame.mood == "fact" or entity.category in told
+    subject = any(element == entity for element in act.frame.elements)
+    return (act.frame.mood == "fact" and not subject) or entity.category in told
 
 
 def _named(literal: Literal) -> Iterator[Designator]:

@@ -11,42 +11,57 @@ from gavel_env.instructions.vocabulary import default_vocabulary
 from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate
 from gavel_env.world_model.ontology import Category
 
-__all__ = ["check_sense", "one_end"]
+__all__ = ["check_already", "check_sense", "one_end"]
 
 _BULKIER = 2.0
 """How many times the space of what holds it a thing may take."""
 
 
-def check_sense(literals: Sequence[Literal], stated: Collection[Literal], returned: Collection[str]) -> None:
+def check_sense(literals: Sequence[Literal]) -> None:
     """Refuse goals that no one means.
 
-    Args:
-        literals: what shall be.
-        stated: where things are said to be.
-        returned: names of the things that are to be put back where they are.
-
     Raises:
-        Abstention: `too_big`, `cannot_process`, `already`.
+        Abstention: `too_big`, `cannot_process`.
     """
     for literal in literals:
         subject, target = literal.subject, literal.object
         if literal.predicate in (Predicate.WASHED, Predicate.DRIED) and not any(map(_washable, kinds_of(subject.name))):
             raise asked_instead("cannot_process", f"the {_words(subject)} cannot be {literal.predicate.value}")
+        if literal.predicate is Predicate.HOT and not any(map(_edible, kinds_of(subject.name))):
+            raise asked_instead("cannot_process", f"the {_words(subject)} is nothing to warm")
         if target is not None and literal.predicate is Predicate.INSIDE and not _fits(subject, target):
             raise asked_instead("too_big", f"the {_words(subject)} is too big for the {_words(target)}")
-        if literal in stated and subject.name not in returned and literal.predicate is not Predicate.IN_ROOM:
-            raise asked_instead("already", f"the {_words(subject)} is said to be there already: {literal}")
+
+
+def check_already(literals: Sequence[Literal], stated: Collection[Literal]) -> None:
+    """Refuse goals that are said to be so already.
+
+    Raises:
+        Abstention: `already`.
+    """
+    for literal in literals:
+        if literal in stated and literal.predicate is not Predicate.IN_ROOM:
+            raise asked_instead("already", f"the {_words(literal.subject)} is said to be there already: {literal}")
 
 
 def _words(designator: Designator) -> str:
     return designator.name.removeprefix("any_").replace("_", " ")
 
 
+_WASHED = ("laundry", "dish", "tray", "bath", "toy", "household")
+
+
 def _washable(category: Category) -> bool:
-    """Return whether things of a category may get wet: nothing electric, nothing of paper, no furniture."""
+    """Return whether people have things of a category washed: nothing electric, of paper or to eat, no furniture."""
     said = default_vocabulary().movables.get(category.name)
-    paper = said is not None and said.theme == "office"
-    return category.graspable and not category.toggleable and not paper
+    fitting = said.theme in _WASHED if said is not None else not category.cookable
+    return category.graspable and not category.toggleable and fitting
+
+
+def _edible(category: Category) -> bool:
+    """Return whether things of a category are food or drink, which people have warmed."""
+    said = default_vocabulary().movables.get(category.name)
+    return category.cookable or (said is not None and said.theme in ("food", "hot_food", "drink", "pantry"))
 
 
 def _fits(thing: Designator, holder: Designator) -> bool:

@@ -40,8 +40,8 @@ class Speller:
                 for form in set(_shorter(word)):
                     self._near.setdefault(form, []).append(word)
 
-    def nearest(self, word: str) -> str | None:
-        """Return the one known word that is nearest, if it is near enough."""
+    def nearest(self, word: str) -> tuple[str, ...]:
+        """Return the known words that are nearest, if they are near enough."""
         most = 2 if len(word) >= _LONG else 1
         found: dict[str, int] = {}
         for form in _shorter(word):
@@ -49,9 +49,7 @@ class Speller:
                 if known not in found:
                     found[known] = distance(word, known) + (known[0] != word[0])
         near = sorted((steps, known) for known, steps in found.items() if steps <= most)
-        if not near or (len(near) > 1 and near[0][0] == near[1][0]):
-            return None
-        return near[0][1]
+        return tuple(known for steps, known in near if steps == near[0][0])
 
     def split(self, word: str) -> tuple[str, str] | None:
         """Return the two known words that were written as one (`livingroom`), if it is no word itself."""

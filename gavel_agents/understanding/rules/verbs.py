@@ -10,7 +10,7 @@ from gavel_agents.understanding.rules.discourse import Act, Discourse, designato
 from gavel_agents.understanding.rules.elements import Cycle, Entity, Frame, Part, Phrase, Pronoun, Room, There, Unknown
 from gavel_agents.understanding.rules.english import could_name
 from gavel_agents.understanding.rules.groups import Group, grouped, locate, locates, place
-from gavel_agents.understanding.rules.places import can_become, can_run, process_flag
+from gavel_agents.understanding.rules.places import can_become, can_run, process_flag, says_where
 from gavel_agents.understanding.rules.questions import asked_instead, asked_meaning, asked_where
 from gavel_agents.understanding.rules.words import verb_forms
 from gavel_env.world_model.goals import Literal
@@ -43,6 +43,13 @@ def read_frame(discourse: Discourse, frame: Frame, following: Frame | None) -> A
     if frame.aside or parked or (frame.negated and not _about_states(frame)):
         _remark(discourse, act)
         return act
+    if (
+        frame.mood == "fact"
+        and frame.of(Pronoun)
+        and not (movables(frame.elements) or discourse.focus or discourse.known)
+    ):
+        act.passed = True  # it is dark in here
+        return act
     _check_known(frame)
     if frame.heading and frame.of(Pronoun) and not discourse.known:
         frame.elements[:] = [e for e in frame.elements if not isinstance(e, Pronoun)]  # all of this goes there: …
@@ -66,7 +73,13 @@ def _remark(discourse: Discourse, act: Act) -> None:
     frame = act.frame
     act.passed = True
     named = movables(frame.elements)
-    placed = any(isinstance(e, Phrase) and isinstance(e.target, Entity) and not locates(e) for e in frame.elements)
+    elsewhere = frame.verb and not frame.told and frame.mood == "do" and not frame.negated and not frame.speaker
+    if elsewhere and named and any(isinstance(e, Phrase) and e.directional for e in frame.elements):
+        raise asked_instead("unparsed", "this may ask for something that is not understood")
+    placed = any(
+        isinstance(e, Phrase) and isinstance(e.target, Entity) and says_where(e.preposition) and not locates(e)
+        for e in frame.elements
+    )
     if frame.speaker and placed and (named or frame.of(Pronoun)) and not frame.verb and frame.mood == "do":
         raise asked_instead("unparsed", "this may ask for something that is not understood")
     if frame.mood == "fact" and not frame.negated and named:
@@ -128,7 +141,7 @@ def _leads(discourse: Discourse, frame: Frame) -> bool:
     if frame.verb in ("WASH", "DRY", "HEAT", "OPEN", "CLOSE", "RUN") and not pieces and not phrases:
         discourse.heading = frame.verb
         return True
-    if not frame.verb and len(pieces) == 1 and not pieces[0].movable and not phrases:
+    if frame.verb in ("", "MOVE") and len(pieces) == 1 and not pieces[0].movable and not phrases:
         discourse.offered = Phrase("to", pieces[0])
         return True
     if not frame.verb and not pieces and len(phrases) == 1 and not locates(phrases[0]):
@@ -144,6 +157,10 @@ def _move(discourse: Discourse, act: Act) -> None:
         return
     if switched(discourse, act) or about_doors(frame):
         return
+    machines = [e for e in frame.elements if isinstance(e, Entity) and process_flag(e) is not None and not e.movable]
+    if frame.mood == "wish" and machines and (movables(frame.elements) or frame.of(Pronoun)) and not frame.of(Phrase):
+        process(discourse, act)  # the baking sheet needs the dishwasher
+        return
     if frame.of(Pronoun) and not frame.of(Phrase) and _turned(discourse, frame):
         run(discourse, act)  # set it going
         return
@@ -152,6 +169,8 @@ def _move(discourse: Discourse, act: Act) -> None:
         act.passed = True  # leave the bookcase alone
         return
     if furniture and not movables(frame.elements) and not frame.of(Pronoun):
+        if not frame.verb and _for_thing(discourse, act, furniture[0]):
+            return
         if not frame.verb and not frame.of(Phrase):
             _run_alone(discourse, act, furniture)
             discourse.places.extend(furniture)  # "The fridge. Put the milk in it."
@@ -175,12 +194,43 @@ def _move(discourse: Discourse, act: Act) -> None:
             discourse.offered = groups[0].going[-1]  # three things have to be on the desk: ...
             return
         raise Abstention("no_antecedent", f"what shall be {frame.word or 'moved'}?")
+    if not frame.verb and not any(p.directional for g in groups for p in g.going):
+        for group in groups:
+            if group.things and group.going and all(isinstance(p.target, Room) for p in group.going):
+                discourse.homeless.update(dict.fromkeys(group.things))  # "The key, in the bathroom": there it is
+                for phrase, owner in group.phrases:
+                    locate(discourse, act, group, phrase, owner)
+                group.phrases.clear()
     place(discourse, act, leading, groups)
 
 
 def _only_rooms(frame: Frame) -> bool:
     phrases = [e for e in frame.elements if isinstance(e, Phrase)]
     return bool(phrases) and all(isinstance(p.target, Room) and not p.directional for p in phrases)
+
+
+def _for_thing(discourse: Discourse, act: Act, piece: Entity) -> bool:
+    """Read `Hairbrush. Bathroom counter.` and `the sink for the vest`: where a thing goes, said as the place alone."""
+    earlier = [p for p in discourse.places[:-1] if set(p.kinds) & set(piece.kinds)]
+    phrases = [e for e in act.frame.elements if isinstance(e, Phrase) and e.preposition in ("with", "for")]
+    named = [e.target for e in phrases if isinstance(e.target, Entity) and e.target.movable]
+    waiting = [thing for thing in discourse.focus if thing not in discourse.wished]
+    holds = any(kind.surface or kind.interior for kind in piece.kinds)
+    if phrases and (named or any(isinstance(e.target, Pronoun) for e in phrases)):
+        things = named or waiting
+    elif not act.frame.of(Phrase) and process_flag(piece) is None:
+        things = waiting
+    else:
+        things = []
+    if things and holds:
+        act.things = things
+        for thing in things:
+            discourse.wish(act, thing, Phrase("to", piece))
+        return True
+    if earlier and not act.frame.of(Phrase):
+        act.passed = True  # any sink, kitchen or bathroom
+        return True
+    return False
 
 
 def _run_alone(discourse: Discourse, act: Act, pieces: list[Entity]) -> None:
@@ -199,7 +249,8 @@ def _turned(discourse: Discourse, frame: Frame) -> bool:
     """Return whether a clause switches what was spoken of last: `set it going`, `put it out`."""
     parts = {e.word for e in frame.elements if isinstance(e, Part)}
     last = discourse.places[-1] if discourse.places else None
-    return bool(parts & {"on", "off"}) or ("out" in parts and last is not None and can_run(last))
+    put_out = "out" in parts and frame.word.startswith(("put", "turn", "switch", "blow"))
+    return bool(parts & {"on", "off"}) or (put_out and last is not None and can_run(last))
 
 
 def _put_back(discourse: Discourse, act: Act, groups: list[Group], things: list[Entity]) -> None:
@@ -245,14 +296,12 @@ def _be(discourse: Discourse, act: Act) -> None:
 
 def _furniture_is(discourse: Discourse, act: Act, piece: Entity) -> None:
     """Read `the desk is in the study`: its later mentions mean that one; what else is told of it asks for nothing."""
-    discourse.used.add(piece)
     for phrase in act.frame.elements:
         if isinstance(phrase, Phrase) and phrase.preposition in ("in", "on") and isinstance(phrase.target, Entity):
             raise Abstention("unparsed", f"where the {said(piece)} is can only be said as a room")
         if isinstance(phrase, Phrase) and isinstance(phrase.target, Room) and piece.room is None:
             named = piece._replace(room=phrase.target.type)
             discourse.places.append(named)
-            discourse.used.add(named)
 
 
 def _get(discourse: Discourse, act: Act) -> None:
