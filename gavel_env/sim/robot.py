@@ -64,7 +64,7 @@ class Robot:
                 end = at
                 break
         self._driven.append(cells[: end + 1])
-        self.metres += self.floor.length_m(cells[: end + 1])
+        self.metres += route.metres if end == len(cells) - 1 else self.floor.length_m(cells[: end + 1])
         self.cell = int(cells[end])
         self.heading = float(headings[end - 1])
 
