@@ -48,7 +48,8 @@ def _play(arguments: argparse.Namespace) -> int:
             print(text)
             if terminated or truncated:
                 break
-    print(f"score {info['score']:.0%}, {info['commands']} commands, {info['metres']:.1f} m")
+    count = info["commands"]
+    print(f"score {info['score']:.0%}, {count} command{'s' if count != 1 else ''}, {info['metres']:.1f} m")
     return 0 if info["won"] else 1
 
 
