@@ -24,6 +24,7 @@ __all__ = [
     "EpisodeRecord",
     "RejectedLine",
     "RunHeader",
+    "Scenery",
     "Step",
     "Usage",
 ]
@@ -82,6 +83,25 @@ class Step(msgspec.Struct, frozen=True, omit_defaults=True):
     search_prior: dict[str, float] = {}
     other_than: tuple[str, ...] = ()
     return_when: ReturnWhen | None = None
+
+
+class Scenery(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What an episode looked like, for its replay; empty in records of older runs.
+
+    Attributes:
+        start: x, y of the robot at the start, metres.
+        things: the instruction's movables -> x, y at the start.
+        goal: literals of the instruction's goal.
+        met: (actions done, indices of the literals that hold then), where that changed; a literal counts by itself.
+        beliefs: (actions done, node of the agent's believed graph, room -> probability), where that changed; no rooms:
+            the node is not uncertain any more.
+    """
+
+    start: tuple[float, float] | None = None
+    things: dict[str, tuple[float, float]] = {}
+    goal: tuple[str, ...] = ()
+    met: tuple[tuple[int, tuple[int, ...]], ...] = ()
+    beliefs: tuple[tuple[int, str, dict[str, float]], ...] = ()
 
 
 class Usage(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -220,6 +240,7 @@ class EpisodeRecord(msgspec.Struct, frozen=True, kw_only=True, tag_field="schema
         usage: what was really asked of the model for this episode.
         misread: what was understood other than the instruction's record says, such as `goal: missing cooked(pie)`.
         steps: what was executed.
+        scenery: what its replay shows beside the steps.
         metres: driven in all.
         seconds: `setup`, `agent` (in its `reset` and `act`) and `execute`; planning by stage is in the trace.
         outcome: one of `OUTCOMES`.
@@ -249,6 +270,7 @@ class EpisodeRecord(msgspec.Struct, frozen=True, kw_only=True, tag_field="schema
     usage: Usage = Usage()
     misread: tuple[str, ...] = ()
     steps: tuple[Step, ...] = ()
+    scenery: Scenery = Scenery()
     metres: float = 0.0
     seconds: dict[str, float] = {}
     unmet: tuple[str, ...] = ()

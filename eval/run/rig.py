@@ -18,11 +18,12 @@ import gavel_agents
 import gavel_env  # noqa: F401  (registers the environments)
 from eval.records.conversations import Exchange
 from eval.records.encoding import sound
-from eval.records.schema import Contestant, EpisodeRecord, Step
+from eval.records.schema import Contestant, EpisodeRecord, Scenery, Step
 from eval.records.scrub import describe_error, scrub
 from eval.run.episodes import EnvironmentSettings, Episode, classify, step_record
 from eval.run.misreading import misread
 from eval.run.planners import EpisodeModel, Planners, usage
+from eval.run.watching import Watcher
 from gavel_agents.agent import Agent, AgentTrace, Privileged
 from gavel_agents.llm import ChatModel, tell
 from gavel_agents.llm.sharing import SharingModel
@@ -86,6 +87,7 @@ class _Progress:
         self.exchanges: list[Exchange] = []
         self.agent: Agent | None = None
         self.steps: list[Step] = []
+        self.watcher: Watcher | None = None
         self.metres = 0.0
         self.started = False
         self.seconds = {"setup": 0.0, "agent": 0.0, "execute": 0.0}
@@ -100,6 +102,7 @@ class _Progress:
         return {
             "privileged": isinstance(self.agent, Privileged),
             "steps": tuple(self.steps),
+            "scenery": self.watcher.scenery() if self.watcher else Scenery(),
             "metres": round(self.metres, 3),
             "seconds": {stage: round(spent, 6) for stage, spent in self.seconds.items()},
             "trace": trace,
@@ -280,6 +283,8 @@ class Rig:
         entered = clock()
         progress.seconds["setup"] = entered - begun
         agent.reset(observation, info)
+        env_world = cast("GavelEnv", env.unwrapped)
+        progress.watcher = watcher = Watcher(env_world)
         stopped_by = ""
         while not stopped_by:
             action = agent.act(observation, info)
@@ -287,19 +292,22 @@ class Rig:
             progress.seconds["agent"] += asked - entered
             if action is None:
                 break
+            watcher.before(agent)
+            sent = clock()
             observation, _, _, truncated, info = env.step(action)
-            entered = clock()
-            progress.seconds["execute"] += entered - asked
+            returned = clock()
+            progress.seconds["execute"] += returned - sent
             progress.metres = float(info["metres"])
             step = step_record(action, info)
             progress.steps.append(step)
+            watcher.after()
+            entered = clock()
             if step.outcome != "ok":
                 stopped_by = "violation"
             elif truncated:
                 stopped_by = "truncated"
-            elif timeout_s is not None and entered - begun > timeout_s:
+            elif timeout_s is not None and returned - begun > timeout_s:
                 stopped_by = "timeout"
-        env_world = cast("GavelEnv", env.unwrapped)
         judgement = env_world.judge()
         hidden = env_world.privileged_state().graph
         fields = progress.fields()
