@@ -5,7 +5,7 @@ FLOOR ?= 90
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: eval test test-slow coverage lint format bench docs pictures wheel clean
+.PHONY: eval test test-slow test-hostile coverage lint format bench docs pictures wheel clean
 .DEFAULT_GOAL := eval
 
 $(BIN)/python:
@@ -54,6 +54,10 @@ test: $(VENV)/.installed-dev
 
 test-slow: $(VENV)/.installed-dev
 	@$(BIN)/python -m pytest -m slow $(ARGS)
+
+# Killed runs, torn files, foreign agents, millions of malformed inputs: what CI runs a short share of (docs/trust.md).
+test-hostile: $(VENV)/.installed-dev
+	@GAVEL_HOSTILE=full $(BIN)/python -m pytest -n $(WORKERS) -m hostile $(ARGS)
 
 lint: $(VENV)/.installed-dev
 	@$(BIN)/ruff check .

@@ -16,6 +16,7 @@ from gavel_agents.agent import AgentTrace, TaskTrace
 from gavel_agents.classical.planner import ClassicalPlanner
 from gavel_agents.llm import ChatModel, Completion, Message, Prompt, load_model
 from gavel_agents.proposing.proposals import prompt_hash
+from gavel_env.data import sayable
 from gavel_env.errors import BadOption, GavelError, MalformedAction
 from gavel_env.exchange import EnvAction, Observed
 from gavel_env.instructions.lookup import About
@@ -39,9 +40,11 @@ done: when the whole instruction is carried out.
 Close everything you opened. Running an oven, stove or microwave with food inside cooks it, a dishwasher or washer washes, a clothes dryer dries; turn them off afterwards."""  # noqa: E501
 
 _SHOWN_COMMANDS = 24
-_ACTION = re.compile(r"^[\W_]*action\s*\d*\s*[:=]\W*(.+)$", re.IGNORECASE | re.MULTILINE)
-_MADE_UP = re.compile(r"^[\W_]*observation\s*\d*\s*[:=]", re.IGNORECASE | re.MULTILINE)
-_DONE = re.compile(r"^\W*(done|finish(ed)?|stop|end)\W*$", re.IGNORECASE)
+_MOST_CHARACTERS = 60_000
+_MOST_LINES = 300
+_ACTION = re.compile(r"^(?:[^\w\n]|_)*+action\s*+\d*+\s*+[:=]\W*(.+)$", re.IGNORECASE | re.MULTILINE)
+_MADE_UP = re.compile(r"^(?:[^\w\n]|_)*+observation\s*+\d*+\s*+[:=]", re.IGNORECASE | re.MULTILINE)
+_DONE = re.compile(r"^\W*+(done|finish(ed)?|stop|end)\W*+$", re.IGNORECASE)
 
 
 class ReActAgent:
@@ -130,7 +133,7 @@ class ReActAgent:
                 return None
             if self._whole_plan:
                 return None
-            found = _read(self._ask())
+            found = read_turn(self._ask())
             if found is None:
                 return None
             self._queue.extend(found)
@@ -159,7 +162,7 @@ class ReActAgent:
         prompt = Prompt(tuple(self._turns), self._about, self.trace.attempts, seed=self._seed)
         [completion] = self._model.complete([prompt])
         self._note(prompt, completion)
-        shown = completion.text[: match.start()] if (match := _MADE_UP.search(completion.text)) else completion.text
+        shown = own_words(completion.text)
         self._turns.append(Message("assistant", shown.strip() or "Thought:"))
         return shown
 
@@ -184,18 +187,34 @@ class ReActAgent:
         return f"{text}\nPossible here: {', '.join(possible)}." if possible else text
 
 
-def _read(answer: str) -> list[Action] | None:
+def own_words(answer: str) -> str:
+    """Return what a model says up to the first observation that it makes up; at most 60,000 characters."""
+    answer = sayable(answer[:_MOST_CHARACTERS])
+    made_up = _MADE_UP.search(answer)
+    if made_up is None:
+        return answer
+    end = made_up.start()
+    while end and not answer[end - 1].isalnum():
+        end -= 1
+    return answer[: answer.index("\n", end) + 1] if end else ""
+
+
+def read_turn(answer: str) -> list[Action] | None:
     """Return the actions of an answer: the one after "Action:", else every line that is one; None = done."""
+    answer = answer[:_MOST_CHARACTERS]
     marked = _ACTION.search(answer)
     lines = [marked.group(1)] if marked else answer.splitlines()
     found: list[Action] = []
+    refused = 0
     for line in lines:
         if _DONE.match(line):
             return found or None
         try:
             found.append(parse_action(line))
         except MalformedAction:
-            continue
+            refused += 1
+            if refused == _MOST_LINES:
+                break
     return found
 
 

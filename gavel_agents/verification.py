@@ -14,7 +14,7 @@ from gavel_agents.edits.repair import repair as repair_plan
 from gavel_agents.proposing.complaint import complaint
 from gavel_agents.proposing.parse import Dropped, ParsedPlans, parse_plans
 from gavel_agents.proposing.resolve import resolve
-from gavel_env.data import shipped_data
+from gavel_env.data import read_bytes, shipped_data
 from gavel_env.errors import InstructionError, UnknownInstruction
 from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.initial_graph import instruction_graph
@@ -220,10 +220,7 @@ def find_instruction(source: str | Path | Mapping[str, Any]) -> Instruction:
 
 def _from_file(path: Path, wanted: str) -> Instruction:
     if path.suffix == ".json":
-        try:
-            return parse_instruction(path.read_bytes(), str(path))
-        except OSError as error:
-            raise InstructionError(f"instruction file {path} cannot be read: {error.strerror}") from error
+        return parse_instruction(read_bytes(path, "instruction file", InstructionError), str(path))
     records: InstructionSet = read_instructions(path)
     if wanted:
         return records[wanted]

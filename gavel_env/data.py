@@ -7,8 +7,10 @@ Every reader here takes regular files only, up to a size, and turns what is wron
 from __future__ import annotations
 
 import stat
+import threading
 import zlib
 from collections.abc import Iterator
+from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,12 +19,24 @@ import msgspec
 
 from gavel_env.errors import DataError
 
-__all__ = ["MOST_BYTES", "is_path", "read_bytes", "read_json", "read_lines", "shipped_data"]
+__all__ = [
+    "MOST_BYTES",
+    "convert",
+    "decode",
+    "is_path",
+    "read_bytes",
+    "read_json",
+    "read_lines",
+    "sayable",
+    "shipped_data",
+]
 
 T = TypeVar("T")
 
-MOST_BYTES = 1 << 30
+MOST_BYTES = 256 << 20
 """Of one file, as unpacked. The largest that ships has 30 MB."""
+
+_TURN = threading.Lock()
 
 _GZIP = zlib.MAX_WBITS | 16
 _CHUNK = 1 << 20
@@ -41,9 +55,12 @@ def is_path(source: str | Path) -> bool:
     return isinstance(source, Path) or "/" in source or "\\" in source or Path(source).suffix != ""
 
 
-def read_bytes(
-    path: str | Path, what: str, error: type[DataError] = DataError, *, most: int = MOST_BYTES, torn: bool = False
-) -> bytes:
+def sayable(text: str) -> str:
+    """Return a text as UTF-8 can say it: `?` for half a character, a lone surrogate."""
+    return text if text.isascii() else text.encode("utf-8", "replace").decode("utf-8")
+
+
+def read_bytes(path: str | Path, what: str, error: type[DataError] = DataError, *, most: int = MOST_BYTES) -> bytes:
     """Return the content of a file; of a `.gz` file as unpacked.
 
     Args:
@@ -51,7 +68,6 @@ def read_bytes(
         what: kind of the file, for errors: "scene file".
         error: class of the errors.
         most: bytes, as unpacked.
-        torn: pass over a last gzip member that is cut off, as a killed process leaves it.
 
     Raises:
         DataError: the file is missing, no regular file, too large, or not gzip although it is named so.
@@ -70,30 +86,61 @@ def read_bytes(
     if path.suffix != ".gz":
         return content
     try:
-        return b"".join(_members(content, most, torn))
+        return b"".join(_unpacked(content, most))
     except (zlib.error, EOFError, OverflowError) as problem:
         raise error(f"{what} {path} cannot be unpacked: {problem}") from problem
 
 
-def _members(packed: bytes, most: int, torn: bool) -> Iterator[bytes]:
-    """Yield the content of every gzip member in pieces, and stop where it becomes too much."""
+def _unpacked(packed: bytes, most: int) -> Iterator[bytes]:
+    """Yield the content of all gzip members in pieces, and stop where it becomes too much."""
     total = 0
     while packed:
         stream = zlib.decompressobj(_GZIP)
-        member: list[bytes] = []
         while not stream.eof:
             piece = stream.decompress(packed, _CHUNK)
             packed = stream.unconsumed_tail
             total += len(piece)
             if total > most:
                 raise OverflowError(f"more than {most} bytes")
-            member.append(piece)
+            yield piece
             if not packed and not piece and not stream.eof:
-                if torn:
-                    return
                 raise EOFError("its end is missing")
-        yield from member
         packed = stream.unused_data
+
+
+@lru_cache(maxsize=256)
+def _decoder(form: Any) -> msgspec.json.Decoder[Any]:
+    return msgspec.json.Decoder(form)
+
+
+def _known(form: Any) -> msgspec.json.Decoder[Any]:
+    """Return the decoder of a type, which one thread alone may build.
+
+    msgspec notes what it finds out of a type on the type itself, at first use and without a lock: threads that come to
+    it together end the process.
+    """
+    with _TURN:
+        return _decoder(form)
+
+
+def decode(content: bytes | str, form: type[T]) -> T:
+    """Return JSON as a value of a type; safe for several threads, as `msgspec.json.decode` is not.
+
+    Raises:
+        msgspec.DecodeError, UnicodeDecodeError, RecursionError: malformed.
+    """
+    found: T = _known(form).decode(content)
+    return found
+
+
+def convert(value: Any, form: type[T]) -> T:
+    """Return a value of builtin types as one of a type; safe for several threads.
+
+    Raises:
+        msgspec.ValidationError: it does not fit.
+    """
+    _known(form)
+    return msgspec.convert(value, form)
 
 
 def read_json(
@@ -113,7 +160,7 @@ def read_json(
     """
     content = read_bytes(path, what, error)
     try:
-        found: Any = msgspec.json.decode(content, type=form)
+        found: Any = decode(content, form)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
         raise error(f"{what} {path} is malformed: {problem}") from problem
     if version is not None and found.format != version:
@@ -131,6 +178,6 @@ def read_lines(path: str | Path, form: type[T], what: str, error: type[DataError
         if not line.strip():
             continue
         try:
-            yield msgspec.json.decode(line, type=form)
+            yield decode(line, form)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
             raise error(f"{path}:{number}: malformed {what}: {problem}") from problem

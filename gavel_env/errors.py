@@ -75,8 +75,13 @@ class MalformedGoal(GavelError):
     """A text that is no goal literal."""
 
 
+_LONGEST_NAME = 200
+
+
 def nearest_names(name: str, known: Iterable[str], count: int = 3) -> tuple[str, ...]:
     """Return up to `count` known names that look like `name`, best first."""
+    if len(name) > _LONGEST_NAME:
+        return ()
     return tuple(difflib.get_close_matches(name, sorted(known), n=count, cutoff=0.5))
 
 
@@ -96,7 +101,7 @@ class _UnknownName(GavelError):
             hint = "known: " + ", ".join(known)
         else:
             hint = f"{len(known)} names are known, e.g. {', '.join(known[:5])}"
-        super().__init__(f"unknown {self.what} {name!r}{where}; {hint}")
+        super().__init__(f"unknown {self.what} {name[:_LONGEST_NAME]!r}{where}; {hint}")
 
 
 class UnknownScene(_UnknownName):

@@ -54,6 +54,8 @@ def _run(arguments: argparse.Namespace) -> int:
     chosen = sample(instructions, arguments.sample)
     agents = arguments.agents.split(",")
     model = recorder(arguments.planner, arguments.out, arguments.threads)
+    if model.set_aside is not None:
+        print(f"{arguments.out} did not read whole: set aside as {model.set_aside}, and what reads is kept")
     begun = time.monotonic()
     total = len(agents) * len(chosen) * len(arguments.seeds)
     for number, asked in enumerate(
@@ -76,5 +78,6 @@ def _run(arguments: argparse.Namespace) -> int:
             f"{asked.attempts} attempts, {verdict}",
             flush=True,
         )
+    model.close()
     print(f"{compact(arguments.out)} completions in {arguments.out}")
     return 0

@@ -18,9 +18,10 @@ from typing import Any
 
 import msgspec
 
-from eval.records.members import read_members
 from eval.records.scrub import scrubbed
 from gavel_agents.llm import Completion, Message
+from gavel_env.appended import read_members
+from gavel_env.data import convert
 from gavel_env.errors import DataError
 
 __all__ = [
@@ -148,7 +149,7 @@ class Conversations:
             stored.id,
             stored.model,
             stored.decoding,
-            tuple(msgspec.convert({"role": r, "content": self._texts[t]}, Message) for r, t in stored.messages),
+            tuple(convert({"role": r, "content": self._texts[t]}, Message) for r, t in stored.messages),
             Completion(self._texts[stored.completion], stored.prompt_tokens, stored.completion_tokens, stored.seconds),
             self._texts.get(stored.schema, ""),
         )

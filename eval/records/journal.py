@@ -6,8 +6,6 @@ torn is cut off before anything is appended, so its episode runs again.
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
@@ -17,9 +15,14 @@ import msgspec
 
 from eval.records.encoding import LINE, encoded
 from eval.records.schema import EpisodeKey, EpisodeRecord, RunHeader
+from gavel_env.appended import AppendedFile, free_name
+from gavel_env.data import decode, read_bytes
 from gavel_env.errors import DataError
 
 __all__ = ["RecordFile", "RecordWriter", "read_records"]
+
+MOST_BYTES = 16 << 30
+"""Of one record file; a year of runs has less."""
 
 _SCHEMAS = ("gavel-run/1", "gavel-record/1")
 
@@ -53,11 +56,7 @@ def read_records(paths: Iterable[str | Path]) -> RecordFile:
     damaged: list[str] = []
     for path in map(Path, paths):
         file = path / "records.jsonl" if path.is_dir() else path
-        try:
-            content = file.read_bytes()
-        except OSError as error:
-            raise DataError(f"records {file} cannot be read: {error.strerror}") from error
-        for number, line in enumerate(content.splitlines(keepends=True), start=1):
+        for number, line in enumerate(read_bytes(file, "records", most=MOST_BYTES).splitlines(keepends=True), start=1):
             if not line.endswith(b"\n"):
                 damaged.append(f"{file}:{number}: torn last line")
                 continue
@@ -78,23 +77,11 @@ def read_records(paths: Iterable[str | Path]) -> RecordFile:
 
 def _refuse_other_version(line: bytes, place: str) -> None:
     try:
-        schema = msgspec.json.decode(line, type=_Schema).schema
+        schema = decode(line, _Schema).schema
     except (msgspec.DecodeError, UnicodeDecodeError):
         return
     if schema.startswith("gavel-") and schema not in _SCHEMAS:
         raise DataError(f"{place}: schema {schema!r} is not known here; known: {', '.join(_SCHEMAS)}")
-
-
-def _lock(descriptor: int) -> None:
-    """Lock a file until it is closed or the process ends, however it ends; where there is `flock`.
-
-    Raises:
-        OSError: another process has the lock.
-    """
-    if sys.platform != "win32":
-        import fcntl
-
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 class RecordWriter:
@@ -106,20 +93,11 @@ class RecordWriter:
         Raises:
             DataError: the file cannot be opened, or another run is writing to it.
         """
-        self.path = Path(path)
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
-        except OSError as error:
-            raise DataError(f"records {self.path} cannot be written: {error.strerror}") from error
-        try:
-            _lock(self._descriptor)
-        except OSError as error:
-            os.close(self._descriptor)
-            raise DataError(f"records {self.path} are being written by another run; choose another --out") from error
-        content = self.path.read_bytes()
+        self._file = AppendedFile(path, "records")
+        self.path = self._file.path
+        content = read_bytes(self.path, "records", most=MOST_BYTES)
         if content and not content.endswith(b"\n"):
-            os.ftruncate(self._descriptor, content.rfind(b"\n") + 1)
+            self._file.truncate(content.rfind(b"\n") + 1)
 
     def set_aside(self) -> Path | None:
         """Rename what is there, while it is locked, and begin anew; return its new name, or None if it is empty.
@@ -129,15 +107,8 @@ class RecordWriter:
         """
         if not self.path.stat().st_size:
             return None
-        aside = _free_name(self.path)
-        try:
-            self.path.rename(aside)
-            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
-            _lock(descriptor)
-        except OSError as error:
-            raise DataError(f"records {self.path} cannot be set aside: {error.strerror}") from error
-        os.close(self._descriptor)
-        self._descriptor = descriptor
+        aside = free_name(self.path)
+        self._file.set_aside(aside)
         return aside
 
     def write(self, entry: RunHeader | EpisodeRecord) -> None:
@@ -147,20 +118,11 @@ class RecordWriter:
             Unencodable: the entry cannot be written as JSON.
             DataError: the disk did not take the whole line.
         """
-        line = encoded(entry)
-        try:
-            written = os.write(self._descriptor, line)
-            os.fsync(self._descriptor)
-        except OSError as error:
-            raise DataError(f"records {self.path} cannot be written: {error.strerror}") from error
-        if written != len(line):
-            raise DataError(f"records {self.path}: only {written} of {len(line)} bytes were written; is the disk full?")
+        self._file.append(encoded(entry))
 
     def close(self) -> None:
         """Close the file and give up its lock."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
+        self._file.close()
 
     def __enter__(self) -> RecordWriter:
         return self
@@ -169,10 +131,3 @@ class RecordWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _free_name(path: Path) -> Path:
-    number = 1
-    while (name := path.with_name(f"{path.stem}.{number}{path.suffix}")).exists():
-        number += 1
-    return name

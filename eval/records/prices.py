@@ -8,6 +8,7 @@ from pathlib import Path
 
 import msgspec
 
+from gavel_env.data import read_json
 from gavel_env.errors import DataError, nearest_names
 
 __all__ = ["Price", "Prices", "read_prices"]
@@ -65,7 +66,7 @@ class Prices(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @cache
 def _shipped() -> Prices:
-    return msgspec.json.decode((resources.files("eval.records") / "prices.json").read_bytes(), type=Prices)
+    return read_json(Path(str(resources.files("eval.records") / "prices.json")), Prices, "prices")
 
 
 def read_prices(path: str | Path | None = None) -> Prices:
@@ -76,9 +77,4 @@ def read_prices(path: str | Path | None = None) -> Prices:
     """
     if path is None:
         return _shipped()
-    try:
-        return msgspec.json.decode(Path(path).read_bytes(), type=Prices)
-    except OSError as error:
-        raise DataError(f"prices {path} cannot be read: {error.strerror}") from error
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise DataError(f"prices {path}: {error}") from error
+    return read_json(path, Prices, "prices")

@@ -17,6 +17,7 @@ import gymnasium as gym
 
 import gavel_agents
 import gavel_env  # noqa: F401  (registers the environments)
+from eval.records.scrub import scrub_secrets
 from gavel_agents.llm import ChatModel, load_model, tell
 from gavel_agents.llm.batching import BatchingModel
 from gavel_agents.llm.replay import RecordingModel
@@ -53,7 +54,7 @@ def recorder(planner: str, out: str | Path, threads: int) -> RecordingModel:
     model = load_model(planner)
     if planner.partition(":")[0] in _BATCHED:
         model = BatchingModel(model, threads)
-    return RecordingModel(model, out)
+    return RecordingModel(model, out, scrub_secrets)
 
 
 def record(

@@ -1,16 +1,17 @@
 """Record and replay: every completion stored under the hash of (model, decoding, prompt).
 
-A recording is a gzip-compressed JSON Lines file; concatenating two recordings merges them. Replays are bit-exact, need
-no model, and fail with the missing prompt's hash instead of inventing an answer.
+A recording is a gzip-compressed JSON Lines file; concatenating two recordings merges them. It is only appended to, a
+whole gzip member at a time and by one process; one that does not read whole is set aside and never rewritten. Replays
+are bit-exact, need no model, and fail with the missing prompt's hash instead of inventing an answer.
 """
 
 from __future__ import annotations
 
 import gzip
 import hashlib
+import os
 import threading
-import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -18,10 +19,20 @@ from typing import Any
 import msgspec
 
 from gavel_agents.llm.interface import ChatModel, Completion, Message, Prompt, decoding_of
+from gavel_env.appended import AppendedFile, cut_member, free_name, read_members
+from gavel_env.data import decode, read_json, sayable
 from gavel_env.errors import DataError, NotRecorded
 
 __all__ = ["NotRecorded", "Recorded", "RecordingModel", "ReplayModel", "completion_key", "read_recording"]
 
+MOST_BYTES = 256 << 20
+"""Of one recording, as unpacked."""
+
+MOST_LINE_BYTES = 16 << 20
+"""Of one completion."""
+
+_PER_MEMBER = 100
+"""Completions to a gzip member of a compacted recording: what one torn byte can cost."""
 
 RECORDINGS = Path(str(resources.files("envs_data") / "recordings"))
 """Folder of the shipped recordings and of the index that says what they are of."""
@@ -66,41 +77,72 @@ def completion_key(
 
 
 def read_recording(path: str | Path) -> Iterator[Recorded]:
-    """Yield the completions of a recording; a torn last line (a killed run) is passed over.
+    """Yield the completions of a recording; of one that a killed run left cut off, those that were whole.
 
     Raises:
-        DataError: unreadable, or malformed before its last line.
+        DataError: unreadable, or damaged other than at its end.
     """
-    try:
-        content = _unpacked(Path(path).read_bytes())
-    except OSError as error:
-        raise DataError(f"recording {path} cannot be read: {error.strerror}") from error
-    lines = content.split(b"\n")
-    for number, line in enumerate(lines, start=1):
-        if not line.strip():
-            continue
-        try:
-            yield msgspec.json.decode(line, type=Recorded)
-        except msgspec.DecodeError as error:
-            if number == len(lines):
-                return
-            raise DataError(f"{path}:{number}: malformed recording: {error}") from error
+    read = _Reading(path)
+    yield from read
+    if read.damaged and not read.cut:
+        raise DataError(f"recording {path}: {read.damaged[0]}; `gavel record` sets it aside and keeps what reads")
 
 
-def _unpacked(packed: bytes) -> bytes:
-    """Decompress as many whole gzip members as there are; a torn last one is passed over."""
-    out = bytearray()
-    while packed:
-        stream = zlib.decompressobj(zlib.MAX_WBITS | 16)
+class _Reading:
+    """Reads what can be read of a recording.
+
+    Attributes:
+        damaged: what could not be read, and why; complete once everything has been taken.
+        cut: what is damaged is at its end alone.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.damaged: list[str] = []
+        self.cut = True
+
+    def __iter__(self) -> Iterator[Recorded]:
+        if not self.path.is_file():
+            reason = "it is not a regular file" if self.path.exists() else "no such file"
+            raise DataError(f"recording {self.path} cannot be read: {reason}")
+        end = total = 0
         try:
-            part = stream.decompress(packed)
-        except zlib.error as error:
-            raise DataError(f"a recording holds something that is not gzip: {error}") from error
-        if not stream.eof:
-            break
-        out += part
-        packed = stream.unused_data
-    return bytes(out)
+            for member in read_members(self.path):
+                if member.start != end:
+                    self._note(f"bytes {end} to {member.start} cannot be unpacked", cut=False)
+                yield from self._lines(member.content, whole=True)
+                end = member.end
+                total += len(member.content)
+                if total > MOST_BYTES:
+                    raise DataError(f"recording {self.path} unpacks to more than {MOST_BYTES} bytes; split it")
+            size = self.path.stat().st_size
+            if end != size:
+                rest = cut_member(self.path, end)
+                what = "is not gzip" if end == 0 and rest is None else "cannot be unpacked"
+                self._note(f"what follows byte {end} of {size} {what}", cut=rest is not None)
+                yield from self._lines(rest or b"", whole=False)
+        except (OSError, ValueError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise DataError(f"recording {self.path} cannot be read: {why}") from error
+
+    def _lines(self, content: bytes, *, whole: bool) -> Iterator[Recorded]:
+        lines = content.split(b"\n")
+        for number, line in enumerate(lines, start=1):
+            if not line.strip():
+                continue
+            try:
+                if len(line) > MOST_LINE_BYTES:
+                    raise ValueError(f"a line of {len(line)} bytes")
+                found = decode(line, Recorded)
+            except (msgspec.DecodeError, ValueError, RecursionError) as error:
+                if whole or number < len(lines):
+                    self._note(f"malformed recording: {error}", cut=False)
+            else:
+                yield found
+
+    def _note(self, what: str, *, cut: bool) -> None:
+        self.damaged.append(what)
+        self.cut = self.cut and cut
 
 
 class ReplayModel:
@@ -145,50 +187,98 @@ class ReplayModel:
 class RecordingModel:
     """Answers from a recording where it can, else asks the model and appends what it said (one gzip member each)."""
 
-    def __init__(self, model: ChatModel, path: str | Path) -> None:
-        """Continue the recording at `path` (what a killed run tore off its end is dropped), or begin it."""
+    def __init__(self, model: ChatModel, path: str | Path, clean: Callable[[str], str] = str) -> None:
+        """Continue the recording at `path`, or begin it. One that does not read whole is set aside first.
+
+        Args:
+            model: what is asked.
+            path: of the recording.
+            clean: what every answer passes through before it is written: takes secrets out.
+
+        Raises:
+            DataError: the recording cannot be read or written, or another process is writing to it.
+        """
         self.name = model.name
         self.decoding = model.decoding
+        self.set_aside: Path | None = None
         self._model = model
-        self._path = Path(path)
-        if self._path.exists():
-            compact(self._path)
-        self._known = {r.key: r for r in read_recording(path)} if self._path.exists() else {}
+        self._clean = clean
+        self._file = AppendedFile(path, "recordings")
+        reading = _Reading(path)
+        self._known = {r.key: r for r in reading}
+        if reading.damaged:
+            self.set_aside = free_name(self._file.path)
+            self._file.set_aside(self.set_aside)
+            if self._known:
+                self._file.append(_packed(self._known.values()))
         self._writing = threading.Lock()
 
     def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
-        """Return one completion per prompt; new ones are on disk before this returns."""
+        """Return one completion per prompt; new ones are on the disk before this returns.
+
+        Raises:
+            DataError: the disk does not take them.
+        """
         keys = [completion_key(self.name, decoding_of(self.decoding, p), p.messages, p.schema) for p in prompts]
         missing = {key: prompt for key, prompt in zip(keys, prompts, strict=True) if key not in self._known}
         answers = self._model.complete(list(missing.values())) if missing else []
-        for (key, prompt), answer in zip(missing.items(), answers, strict=True):
-            recorded = Recorded(
+        new = {
+            key: Recorded(
                 key,
                 self.name,
                 dict(self.decoding),
                 prompt.attempt,
-                answer.text,
+                sayable(self._clean(answer.text)),
                 answer.prompt_tokens,
                 answer.completion_tokens,
                 round(answer.seconds, 3),
-                instruction=prompt.about.text,
+                instruction=sayable(prompt.about.text),
             )
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            with self._writing, self._path.open("ab") as file:
-                self._known[key] = recorded
-                file.write(gzip.compress(msgspec.json.encode(recorded) + b"\n", mtime=0))
-        known = [self._known[key] for key in keys]
+            for (key, prompt), answer in zip(missing.items(), answers, strict=True)
+        }
+        with self._writing:
+            if new:
+                self._file.append(_packed(new.values()))
+                self._known.update(new)
+            known = [self._known[key] for key in keys]
         return [Completion(r.text, r.prompt_tokens, r.completion_tokens, r.seconds) for r in known]
+
+    def close(self) -> None:
+        """Close the recording, which others may then write to."""
+        self._file.close()
+
+
+def _packed(records: Iterable[Recorded]) -> bytes:
+    return gzip.compress(b"".join(msgspec.json.encode(r) + b"\n" for r in records), mtime=0)
 
 
 def compact(path: str | Path) -> int:
-    """Rewrite a recording sorted by instruction, attempt and key, as one gzip member; return its completions."""
-    records = {r.key: r for r in read_recording(path)}
-    ordered = sorted(records.values(), key=lambda r: (r.instruction_id, r.instruction, r.attempt, r.key))
-    content = b"".join(msgspec.json.encode(r) + b"\n" for r in ordered)
-    temporary = Path(f"{path}.new")
-    temporary.write_bytes(gzip.compress(content, mtime=0))
-    temporary.replace(path)
+    """Rewrite a recording sorted by instruction, attempt and key, many completions to a member; return their number.
+
+    The new file takes the old one's place when it is on the disk; a recording that does not read whole stays as it is.
+
+    Raises:
+        DataError: the recording cannot be read whole, or the new one cannot be written.
+    """
+    if not Path(path).is_file():
+        raise DataError(f"recording {path} cannot be read: no such file")
+    with AppendedFile(path, "recordings"):
+        reading = _Reading(path)
+        records = {r.key: r for r in reading}
+        if reading.damaged:
+            raise DataError(f"recording {path} stays as it is: {reading.damaged[0]}")
+        ordered = sorted(records.values(), key=lambda r: (r.instruction_id, r.instruction, r.attempt, r.key))
+        temporary = Path(f"{path}.new")
+        try:
+            with temporary.open("wb") as file:
+                for start in range(0, len(ordered), _PER_MEMBER):
+                    file.write(_packed(ordered[start : start + _PER_MEMBER]))
+                file.flush()
+                os.fsync(file.fileno())
+            temporary.replace(path)
+        except OSError as error:
+            temporary.unlink(missing_ok=True)
+            raise DataError(f"recording {path} cannot be rewritten: {error.strerror}; it stays as it is") from error
     return len(ordered)
 
 
@@ -228,4 +318,4 @@ def shipped_recordings() -> dict[str, ShippedRecording]:
     index = RECORDINGS / "index.json"
     if not index.is_file():
         return {}
-    return msgspec.json.decode(index.read_bytes(), type=dict[str, ShippedRecording])
+    return read_json(index, dict[str, ShippedRecording], "index of recordings")

@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 
 from gavel_agents.llm.interface import Completion, Prompt
+from gavel_env.data import decode, read_bytes
 from gavel_env.errors import DataError, UnknownInstruction
 from gavel_env.instructions.lookup import InstructionLookup
 from gavel_env.instructions.record import Instruction, shipped_instructions
@@ -39,16 +40,13 @@ class ScriptedModel:
         self.decoding: Mapping[str, str | float | int] = {}
         self._path = path
         self._completions: dict[str, tuple[str, ...]] = {}
-        try:
-            lines = Path(path).read_bytes().splitlines()
-        except OSError as error:
-            raise DataError(f"scripted completions {path} cannot be read: {error.strerror}") from error
-        for number, line in enumerate(lines, start=1):
+        content = read_bytes(path, "scripted completions")
+        for number, line in enumerate(content.splitlines(), start=1):
             if not line.strip():
                 continue
             try:
-                record = msgspec.json.decode(line, type=_Line)
-            except msgspec.DecodeError as error:
+                record = decode(line, _Line)
+            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
                 raise DataError(f"{path}:{number}: malformed completions: {error}") from error
             name = record.instruction_id or record.instruction
             if not name:

@@ -2,13 +2,11 @@
 
 Code fences, thinking blocks, JSON of several shapes, lines, numbering, bullets, several tasks in one answer: what can
 be read as an action is read, and what was left out is listed with its reason. A malformed answer is a result, never an
-exception.
+exception; its first `MOST_CHARACTERS` are read, and `MOST_LINES` of their lines, in time that grows with their number.
 """
 
 from __future__ import annotations
 
-import ast
-import json
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -17,6 +15,9 @@ import msgspec
 
 from gavel_agents.proposing.parse_line import calls_in, from_parts, read_line, without_bullet
 from gavel_agents.proposing.resolve import resolve
+from gavel_agents.proposing.thinking import without_thinking
+from gavel_agents.proposing.values import values_in
+from gavel_env.data import sayable
 from gavel_env.world_model.actions import Action
 from gavel_env.world_model.graph import SceneGraph
 from gavel_env.world_model.verdict import Plan
@@ -57,15 +58,18 @@ class ParsedPlans(msgspec.Struct, frozen=True):
         return tuple(action for plan in self.plans for action in plan)
 
 
-_THINKING = re.compile(r"<(think|thinking|reasoning)>.*?</\1>", re.DOTALL | re.IGNORECASE)
-_THINKING_END = re.compile(r"^.*</(?:think|thinking|reasoning)>", re.DOTALL | re.IGNORECASE)
-_THINKING_START = re.compile(r"<(?:think|thinking|reasoning)>", re.IGNORECASE)
-_BRACKET = re.compile(r"[\[{]")
+MOST_CHARACTERS = 60_000
+"""Of an answer, its thinking not counted. A plan has a few hundred."""
+
+MOST_LINES = 300
+"""Of an answer that are no action; the rest is left out as one."""
+
 _FENCE = re.compile(r"^\s*(?:```|~~~)")
 _HEADING = re.compile(
-    r"^\W*(?:(?:plan|actions?|steps?)\s+for\s+)?(?:sub)?[\s_-]*tasks?[\s_#-]*(\d+)\b\W*", re.IGNORECASE
+    r"^\W*+(?:(?:plan|actions?|steps?)\s++for\s++)?(?:sub)?[\s_-]*+tasks?[\s_#-]*+(\d{1,6})\b\W*+", re.IGNORECASE
 )
 
+_NUMBER = re.compile(r"(?<!\d)\d{1,6}(?!\d)")
 _VERB_KEYS = ("action", "primitive", "verb", "name", "type", "act", "skill", "function", "command", "operation")
 _TARGET_KEYS = (
     "target",
@@ -93,32 +97,28 @@ def parse_plans(text: str, graph: SceneGraph | None = None, tasks: int | None = 
         graph: resolve names against it (`names.resolve`).
         tasks: number of tasks asked for; plans beyond it are appended to the last one, missing ones are empty.
     """
-    body = _THINKING.sub(_blank, text)
-    body = _THINKING_END.sub(_blank, body)
-    if _THINKING_START.search(body):
-        body = _THINKING_START.split(body)[0]
-        if not body.strip():
-            return _finish({}, [], tasks, "the answer ends within its thinking")
+    body, thinking = without_thinking(sayable(text))
+    if thinking and not body.strip():
+        return _finish({}, [], tasks, "the answer ends within its thinking")
     if not body.strip():
         return _finish({}, [], tasks, "the answer is empty")
     dropped: list[Dropped] = []
     plans: dict[int, list[Action]] = {}
+    beyond = len(body) - MOST_CHARACTERS
+    body = body[:MOST_CHARACTERS]
     data = _find_json(body)
     if data is not None:
         _read_tasks(data, plans, dropped)
     if not any(plans.values()):
         plans, dropped = {}, []
         _read_lines(body, plans, dropped)
+    if beyond > 0:
+        dropped.append(Dropped(0, f"… {beyond} characters", f"only the first {MOST_CHARACTERS} are read"))
     problem = "" if any(plans.values()) else "no action in the answer"
     parsed = _finish(plans, dropped, tasks, problem)
     if graph is None:
         return parsed
     return msgspec.structs.replace(parsed, plans=tuple(resolve(graph, plan) for plan in parsed.plans))
-
-
-def _blank(thinking: re.Match[str]) -> str:
-    """Return as many line ends as a stretch of thinking has, so that line numbers stay."""
-    return "\n" * thinking.group().count("\n")
 
 
 def _finish(plans: dict[int, list[Action]], dropped: list[Dropped], tasks: int | None, problem: str) -> ParsedPlans:
@@ -141,6 +141,9 @@ def _finish(plans: dict[int, list[Action]], dropped: list[Dropped], tasks: int |
 def _read_lines(body: str, plans: dict[int, list[Action]], dropped: list[Dropped]) -> None:
     task = 1
     for number, line in enumerate(body.splitlines(), start=1):
+        if len(dropped) >= MOST_LINES:
+            dropped.append(Dropped(number, line.strip()[:120], f"more than {MOST_LINES} lines that are no action"))
+            return
         if _FENCE.match(line):
             continue
         rest = line.strip().strip("`*_ \t")
@@ -165,26 +168,10 @@ def _read_lines(body: str, plans: dict[int, list[Action]], dropped: list[Dropped
 
 
 def _find_json(body: str) -> Any:
-    """Return the JSON value in an answer: the largest that decodes; None if there is none."""
-    decoder = json.JSONDecoder()
-    best: Any = None
-    best_length = 1
-    at = 0
-    values: list[Any] = []
-    while (match := _BRACKET.search(body, at)) is not None:
-        start = match.start()
-        try:
-            value, end = decoder.raw_decode(body, start)
-        except (json.JSONDecodeError, RecursionError):
-            value, end = _python_literal(body, start)
-        if value is None:
-            at = start + 1
-            continue
-        values.append(value)
-        if end - start > best_length:
-            best, best_length = value, end - start
-        at = end
-    plans = [v for v in values if isinstance(v, list | dict) and v]
+    """Return the JSON value in an answer: the longest; None if there is none."""
+    found = values_in(body)
+    best = max(found, key=lambda entry: entry[1])[0] if found else None
+    plans = [value for value, _ in found if isinstance(value, list | dict) and value]
     # One block per task.
     if (
         len(plans) > 1
@@ -193,18 +180,6 @@ def _find_json(body: str) -> Any:
     ):
         return plans if isinstance(plans[0], list) else best
     return plans if len(plans) > 1 and all(isinstance(v, dict) for v in plans) else best
-
-
-def _python_literal(body: str, start: int) -> tuple[Any, int]:
-    """Decode a Python-like literal (single quotes, trailing commas) that starts at `start`; None if there is none."""
-    closing = {"[": "]", "{": "}"}[body[start]]
-    end = body.rfind(closing) + 1
-    if end <= start:
-        return None, start
-    try:
-        return ast.literal_eval(body[start:end]), end
-    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
-        return None, start
 
 
 def _read_tasks(data: Any, plans: dict[int, list[Action]], dropped: list[Dropped]) -> None:
@@ -216,7 +191,7 @@ def _read_tasks(data: Any, plans: dict[int, list[Action]], dropped: list[Dropped
                 return
         if _verb(data) is None:
             for position, (key, value) in enumerate(data.items(), start=1):
-                number = re.search(r"\d+", str(key))
+                number = _NUMBER.search(str(key))
                 if isinstance(value, list | dict):
                     task = int(number.group()) if number else position
                     _read_steps(_unwrapped(value), plans.setdefault(task, []), dropped)

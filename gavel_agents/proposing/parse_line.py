@@ -11,23 +11,26 @@ from gavel_env.world_model.actions import Action, Primitive, normalise_name, par
 __all__ = ["calls_in", "from_parts", "read_line", "without_bullet"]
 
 _BULLET = re.compile(
-    r"^\s*(?:[-*•>+]\s+|\(?\d+\s*[.):\]]\s*|\[\d+\]\s*|(?:step|action)\s*\d+\s*[:.)-]*\s*)+", re.IGNORECASE
+    r"^\s*+(?:[-*•>+]\s++|\(?\d++\s*+[.):\]]\s*+|\[\d++\]\s*+|(?:step|action)\s*+\d++\s*+[:.)-]*+\s*+)++", re.IGNORECASE
 )
-_CALL = re.compile(r"([A-Za-z][A-Za-z_ -]*?)\s*\(([^()]*)\)")
-_COMMENT = re.compile(r"\s*(?:#|//|;|\s--\s|\s[–—]\s).*$")
+_ARGUMENTS = re.compile(r"\(([^()]*+)\)")
+_COMMENT = re.compile(r"#|//|;|\s--\s|\s[–—]\s")
+_SHIFTS = ("place", "put", "set", "lay", "drop")
+_PREPOSITIONS = ("on", "onto", "into", "inside", "in")
 _PUT = re.compile(
     r"^(?:place|put|set|lay|drop)\s+(?:down\s+)?(?:.+?\s+)?(on top of|on top|on to|onto|on|into|inside|in)\s+(.+)$",
     re.IGNORECASE,
 )
 _SWITCH = re.compile(r"^(?:turn|switch)\s+(.+?)\s+(on|off)$", re.IGNORECASE)
 _TAIL = re.compile(
-    r"\s+(?:from|with|using|to get|to find|then|so that|which|where|while|by"
-    r"|and (?:then|open|close|shut|grasp|pick|place|put|turn|switch|toggle|navigate|go|release))\s+.*$",
+    r"\s(?:from|with|using|to get|to find|then|so that|which|where|while|by"
+    r"|and (?:then|open|close|shut|grasp|pick|place|put|turn|switch|toggle|navigate|go|release))(?=\s)",
     re.IGNORECASE,
 )
 _VERB = re.compile(r"[A-Za-z][A-Za-z _-]*")
 _NAME = re.compile(r"[\w@.'-]+")
 _MOST_WORDS = 9
+_MOST_WORDS_OF_A_VERB = 40
 
 
 def without_bullet(line: str) -> str:
@@ -41,21 +44,48 @@ def read_line(line: str) -> tuple[list[Action], str]:
     if calls:
         return calls, ""
     try:
-        return [_read_phrase(_COMMENT.sub("", line))], ""
+        return [_read_phrase(_up_to(_COMMENT, line))], ""
     except MalformedAction as error:
         return [], str(error)
 
 
 def calls_in(line: str) -> Iterator[Action]:
     """Yield every `Verb(arguments)` of a line that is an action."""
-    for verb, arguments in _CALL.findall(line):
-        # `then GRASP(x)`: the verb is the last word, or the last few words.
-        words = verb.split()
-        for start in range(len(words)):
-            action = from_parts(" ".join(words[start:]), [a for a in arguments.split(",") if a.strip()])
+    end = 0
+    for arguments in _ARGUMENTS.finditer(line):
+        start = max(end, line.rfind("(", end, arguments.start()) + 1, line.rfind(")", end, arguments.start()) + 1)
+        verb = _run_before(line, start, arguments.start())
+        if verb:
+            action = _called(verb.split(), [a for a in arguments.group(1).split(",") if a.strip()])
             if action is not None:
                 yield action
-                break
+            end = arguments.end()
+
+
+def _run_before(line: str, start: int, end: int) -> str:
+    """Return the letters, spaces, hyphens and underscores that stand before a bracket, from a letter on."""
+    stem = line[start:end].rstrip()
+    at = len(stem)
+    while at and ((stem[at - 1].isalpha() and stem[at - 1].isascii()) or stem[at - 1] in "_ -"):
+        at -= 1
+    return stem[at:].lstrip("_ -")
+
+
+def _called(words: Sequence[str], arguments: Sequence[str]) -> Action | None:
+    """Return the action of a call: in `then GRASP(x)` the verb is the last word, or the last few words."""
+    for start in range(max(0, len(words) - _MOST_WORDS_OF_A_VERB), len(words)):
+        action = from_parts(" ".join(words[start:]), arguments)
+        if action is not None:
+            return action
+    return None
+
+
+def _up_to(mark: re.Pattern[str], text: str) -> str:
+    """Return a text up to the first mark behind which nothing but its last line follows."""
+    lines = text.rstrip("\n")
+    earlier = len(lines[: lines.rfind("\n") + 1].rstrip())
+    found = next((m for m in mark.finditer(text) if m.end() > earlier or not earlier), None)
+    return text if found is None else text[: found.start()].rstrip()
 
 
 def _read_phrase(phrase: str) -> Action:
@@ -64,9 +94,15 @@ def _read_phrase(phrase: str) -> Action:
     Raises:
         MalformedAction: no action, or prose around one.
     """
-    phrase = _TAIL.sub("", phrase.strip().rstrip(".,;:!"))
-    shift = _PUT.match(phrase)
-    switch = _SWITCH.match(phrase)
+    phrase = _up_to(_TAIL, phrase.strip().rstrip(".,;:!"))
+    words = phrase.split()
+    if len(words) > _MOST_WORDS:
+        if not _shifts(words):
+            parse_action(phrase)
+        raise MalformedAction(f"prose: {phrase[:80]!r}")
+    plain = " ".join(words)
+    shift = _PUT.match(plain)
+    switch = _SWITCH.match(plain)
     if shift:
         preposition, place = shift.groups()
         on_top = preposition.lower().startswith("on")
@@ -76,9 +112,17 @@ def _read_phrase(phrase: str) -> Action:
         action = Action(Primitive.TOGGLE_ON if on else Primitive.TOGGLE_OFF, normalise_name(switch.group(1)))
     else:
         action = parse_action(phrase)
-    if len(phrase.split()) > _MOST_WORDS or (action.target and not _NAME.fullmatch(action.target)):
+    if action.target and not _NAME.fullmatch(action.target):
         raise MalformedAction(f"prose: {phrase[:80]!r}")
     return action
+
+
+def _shifts(words: Sequence[str]) -> bool:
+    """Return whether words say that something is put somewhere, or switched."""
+    verb = words[0].lower()
+    if verb in ("turn", "switch"):
+        return words[-1].lower() in ("on", "off")
+    return verb in _SHIFTS and any(word.lower() in _PREPOSITIONS for word in words[1:-1])
 
 
 def from_parts(verb: str, arguments: Sequence[str]) -> Action | None:

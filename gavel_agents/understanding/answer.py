@@ -23,6 +23,7 @@ from gavel_agents.understanding.checks import can_be, check_capable, check_possi
 from gavel_agents.understanding.interface import Abstention, Decomposition, TaskUnderstanding
 from gavel_agents.understanding.mentions import Mentions
 from gavel_agents.understanding.pairs import Target
+from gavel_env.data import decode
 from gavel_env.errors import MalformedGoal
 from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate, parse_literal
 from gavel_env.world_model.ontology import Category, default_ontology
@@ -134,7 +135,7 @@ def read_answer(answer: str, text: str) -> Decomposition:
             impossible (`cannot_hold`, ...); with what and where.
     """
     try:
-        said = msgspec.json.decode(_outermost(answer), type=_Answer)
+        said = decode(_outermost(answer), _Answer)
     except (msgspec.DecodeError, UnicodeEncodeError) as error:
         raise Abstention("malformed", f"{error} in {answer[:80]!r}") from error
     if not said.tasks:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from gavel_env.data import is_path, read_lines, shipped_data
+from gavel_env.data import decode, is_path, read_lines, shipped_data
 from gavel_env.errors import DataError
 from gavel_env.instructions.record import Instruction, read_instructions, shipped
 
@@ -68,7 +68,7 @@ def read_samples(source: str) -> list[Sample]:
     records = read_instructions(path) if any(line.scene for line in lines) else {}
     for line in lines:
         try:
-            tasks = line.meta.targets or msgspec.json.decode(line.tasks, type=tuple[Target, ...])
+            tasks = line.meta.targets or decode(line.tasks, tuple[Target, ...])
         except msgspec.DecodeError as error:
             raise DataError(f"{path}: no targets of understanding in {line.id!r}: {error}") from error
         samples.append(Sample(line.id, line.text, tasks, records.get(line.id), line.meta.voice, line.meta.split))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import gymnasium as gym
 import msgspec
 
+from gavel_env.data import convert
 from gavel_env.envs.action_codec import ActionCodec
 from gavel_env.envs.graph_encoder import GraphEncoder
 from gavel_env.envs.rewards import RewardWeights
@@ -383,7 +384,7 @@ def _options(kind: Any, given: Any, default: Any) -> Any:
     if isinstance(given, kind):
         return given
     try:
-        return msgspec.convert(dict(given), kind)
+        return convert(dict(given), kind)
     except (msgspec.ValidationError, TypeError, ValueError) as error:
         known = ", ".join(kind.__struct_fields__)
         raise BadEnvironmentOption(f"{kind.__name__}: {error}; fields: {known}") from error

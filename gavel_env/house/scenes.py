@@ -6,6 +6,9 @@ structs below. Units are metres; x points right, y points down, yaw is degrees c
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal
@@ -29,6 +32,14 @@ __all__ = [
 ]
 
 FORMAT = "gavel-scene/1"
+
+MOST_METRES = 1000.0
+"""Largest coordinate or size of anything in a scene file."""
+
+_WIDEST_M = 250.0
+_MOST_WALL_M = 50_000.0
+_MOST_CORNERS = 200_000
+_NAME = re.compile(r"\w[\w.-]{0,99}")
 
 BENCHMARK_HOUSES = (
     "Beechwood_0_int",
@@ -167,6 +178,7 @@ def check_scene(scene: Scene, place: str) -> None:
     Raises:
         SceneError: names the file, the field and the value.
     """
+    _check_names(scene, place)
     rooms = {r.id for r in scene.rooms}
     pieces = {f.id for f in scene.furniture}
     if len(rooms) != len(scene.rooms):
@@ -180,6 +192,7 @@ def check_scene(scene: Scene, place: str) -> None:
     for room in scene.rooms:
         if len(room.polygon) < 3:
             raise SceneError(f"{place}: room {room.id!r} has {len(room.polygon)} corners; a polygon needs 3")
+    _check_extents(scene, place)
     for opening in scene.openings:
         for room_id in opening.rooms:
             if room_id not in rooms:
@@ -194,3 +207,76 @@ def check_scene(scene: Scene, place: str) -> None:
         known = rooms if item.relation == "floor" else holders
         if item.holder not in known:
             raise SceneError(f"{place}: {item.id} is {item.relation} {item.holder!r}, which is not in this scene")
+    _check_support(scene, place)
+
+
+def _check_names(scene: Scene, place: str) -> None:
+    """Check that ids can stand in goals, actions and tables."""
+    if not scene.rooms:
+        raise SceneError(f"{place}: there is no room")
+    named = [(room.id, room.type) for room in scene.rooms]
+    named += [(piece.id, piece.category) for piece in scene.furniture]
+    named += [(item.id, item.category) for item in scene.items]
+    for name, kind in named:
+        for value in (name, kind):
+            if not _NAME.fullmatch(value):
+                wanted = "letters, digits, '_', '-' and '.', at most 100 of them"
+                raise SceneError(f"{place}: {value[:80]!r} is no name of a room or an object; expected {wanted}")
+        if name == "robot":
+            raise SceneError(f"{place}: 'robot' is the robot's own id")
+
+
+def _check_extents(scene: Scene, place: str) -> None:
+    """Check that everything is as large as a building at most; grids are drawn of it."""
+    for what, numbers in _numbers(scene):
+        if not all(abs(number) <= MOST_METRES for number in numbers):
+            raise SceneError(f"{place}: {what} has {max(numbers, key=abs)!r}; expected metres, to {MOST_METRES:g}")
+    for piece in scene.furniture:
+        if not (min(piece.size_m) > 0 and math.isfinite(piece.yaw)):
+            raise SceneError(
+                f"{place}: {piece.id} has the size {piece.size_m}, yaw {piece.yaw}; expected sizes above 0"
+            )
+    for opening in scene.openings:
+        if not opening.width_m > 0:
+            raise SceneError(f"{place}: the opening {' - '.join(opening.rooms)} has the width {opening.width_m}")
+    corners = [point for room in scene.rooms for point in room.polygon]
+    for axis in (0, 1):
+        widest = max((point[axis] for point in corners), default=0.0) - min(
+            (point[axis] for point in corners), default=0.0
+        )
+        if widest > _WIDEST_M:
+            raise SceneError(f"{place}: the rooms extend over {widest:g} m; at most {_WIDEST_M:g}")
+    rings = [ring for room in scene.rooms for ring in (room.polygon, *room.holes)]
+    if sum(map(len, rings)) > _MOST_CORNERS:
+        raise SceneError(f"{place}: the outlines have {sum(map(len, rings))} corners; at most {_MOST_CORNERS}")
+    wall_m = sum(math.dist(a, b) for ring in rings for a, b in zip(ring, (*ring[1:], *ring[:1]), strict=True))
+    if wall_m > _MOST_WALL_M:
+        raise SceneError(f"{place}: the outlines are {wall_m:g} m long; at most {_MOST_WALL_M:g}")
+
+
+def _numbers(scene: Scene) -> Iterator[tuple[str, tuple[float, ...]]]:
+    """Yield every length and coordinate, with what it is of."""
+    for room in scene.rooms:
+        for ring in (room.polygon, *room.holes):
+            yield f"room {room.id!r}", tuple(number for point in ring for number in point) or (0.0,)
+    for opening in scene.openings:
+        yield f"the opening {' - '.join(opening.rooms)}", (*opening.segment[0], *opening.segment[1], opening.width_m)
+    for piece in scene.furniture:
+        yield f"piece {piece.id!r}", (piece.x, piece.y, piece.z, *piece.size_m)
+
+
+def _check_support(scene: Scene, place: str) -> None:
+    """Check that following what stands on or in what ends at a floor."""
+    holder = {f.id: f.on for f in scene.furniture if f.on} | {
+        i.id: i.holder for i in scene.items if i.relation != "floor"
+    }
+    sound: set[str] = set()
+    for name in holder:
+        path: dict[str, None] = {}
+        at: str | None = name
+        while at is not None and at not in sound:
+            if at in path:
+                raise SceneError(f"{place}: {at} stands on itself: {' on '.join([*path, at])[:200]}")
+            path[at] = None
+            at = holder.get(at)
+        sound.update(path)

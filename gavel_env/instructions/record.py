@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple
 
 import msgspec
 
-from gavel_env.data import read_bytes, shipped_data
+from gavel_env.data import convert, decode, read_bytes, shipped_data
 from gavel_env.errors import GavelError, InstructionError, UnknownInstruction
 from gavel_env.world_model.actions import Action, parse_action
 from gavel_env.world_model.conditions import Formula
@@ -163,10 +163,10 @@ def parse_instruction(line: str | bytes | Mapping[str, Any] | Instruction, place
         if isinstance(line, Instruction):
             record = line
         elif isinstance(line, str | bytes):
-            record = msgspec.json.decode(line, type=Instruction)
+            record = decode(line, Instruction)
         else:
-            record = msgspec.convert(line, type=Instruction)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+            record = convert(line, Instruction)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InstructionError(f"{place}: malformed instruction: {error}") from error
     if not record.tasks:
         raise InstructionError(f"{place}: instruction {record.id!r} has no tasks")

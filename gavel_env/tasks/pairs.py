@@ -15,7 +15,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from gavel_env.data import read_bytes, read_lines
+from gavel_env.data import convert, read_bytes, read_lines
 from gavel_env.errors import InstructionError
 from gavel_env.house.scenes import load_scene
 from gavel_env.tasks.assembly import target_of
@@ -80,7 +80,7 @@ def generate_pairs(split: Split, count: int, scenes: Sequence[str], seed: int = 
         if not errands:
             continue
         text, worded = compose(errands, rng, split)
-        targets = tuple(msgspec.convert(target_of(e, w), Target) for e, w in zip(errands, worded, strict=True))
+        targets = tuple(convert(target_of(e, w), Target) for e, w in zip(errands, worded, strict=True))
         whole = [(t.objects, t.relations) for t in targets]
         if text in texts or any(sentence_faults(text, whole)):
             continue

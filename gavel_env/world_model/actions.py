@@ -69,7 +69,7 @@ _ALIASES = {
     "switchoff": Primitive.TOGGLE_OFF,
 }
 _NAMES = {p.name.replace("_", "").lower(): p for p in Primitive} | _ALIASES
-_CALL = re.compile(r"^\s*([A-Za-z][A-Za-z_ -]*?)\s*[(\[:]\s*(.*?)\s*[)\]]?\s*[;.,]?\s*$", re.DOTALL)
+_CALL = re.compile(r"\s*+([A-Za-z][A-Za-z_ -]*+)\s*+[(\[:]")
 _ARTICLE = re.compile(r"^(?:the|a|an)[\s_]+", re.IGNORECASE)
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 
@@ -78,7 +78,9 @@ def normalise_name(text: str) -> str:
     """Return an object name as the graphs write it: `the Bottom Cabinet 3` -> `bottom_cabinet_3`."""
     text = _ARTICLE.sub("", text.strip().strip("\"'`<>").strip())
     text = _CAMEL.sub("_", text).lower()
-    text = re.sub(r"\s*@\s*", "@", text)
+    if "@" in text:
+        first, *rest = text.split("@")
+        text = "@".join([first.rstrip(), *(part.strip() for part in rest[:-1]), rest[-1].lstrip()])
     return re.sub(r"[\s\-]+", "_", text).strip("_")
 
 
@@ -93,7 +95,7 @@ def parse_action(text: str) -> Action:
     """
     call = _CALL.match(text)
     if call:
-        verb, arguments = call.group(1), call.group(2)
+        verb, arguments = call.group(1), _without_end(text[call.end() :])
     else:
         verb, arguments = _split_words(text)
     key = re.sub(r"[\s_\-]+", "", verb).lower()
@@ -110,6 +112,14 @@ def parse_action(text: str) -> Action:
     if not target:
         raise MalformedAction(f"{primitive.name} in {text.strip()[:80]!r} names no target")
     return Action(primitive, target)
+
+
+def _without_end(arguments: str) -> str:
+    """Return the arguments of a call without its closing bracket and the mark behind it."""
+    arguments = arguments.strip()
+    if arguments.endswith((";", ".", ",")):
+        arguments = arguments[:-1].rstrip()
+    return arguments[:-1].rstrip() if arguments.endswith((")", "]")) else arguments
 
 
 def _split_words(text: str) -> tuple[str, str]:

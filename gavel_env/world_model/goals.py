@@ -143,7 +143,9 @@ class Goal(msgspec.Struct, frozen=True):
         return (*(str(lit) for lit in self.literals), *(condition.text() for condition in self.conditions))
 
 
-_LITERAL = re.compile(r"^\s*(not\s+|!\s*|~\s*)?([A-Za-z_]+)\s*\(\s*([^(),]+?)\s*(?:,\s*([^(),]+?)\s*)?\)\s*$")
+_LITERAL = re.compile(
+    r"\s*+(not\s++|!\s*+|~\s*+)?+([A-Za-z_]++)\s*+\(([^(),]*+)(?:,([^(),]*+))?+\)\s*+\Z",
+)
 _PREDICATES = {p.value: p for p in Predicate} | {
     "ontop": Predicate.ON_TOP,
     "on": Predicate.ON_TOP,
@@ -163,7 +165,7 @@ def parse_literal(text: str) -> Literal:
         MalformedGoal: with the text, and what is wrong with it.
     """
     match = _LITERAL.match(text)
-    if match is None:
+    if match is None or not match.group(3).strip() or not (match.group(4) or "x").strip():
         raise MalformedGoal(f"goal {text[:80]!r} is no literal; write predicate(subject) or predicate(subject, object)")
     negation, name, subject, second = match.groups()
     predicate = _PREDICATES.get(name.lower())

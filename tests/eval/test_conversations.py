@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from eval.records.conversations import ConversationWriter, Exchange, read_conversations
 from eval.records.journal import read_records
-from eval.records.members import read_members
 from eval.run.contestants import choose
 from eval.run.episodes import EnvironmentSettings
 from eval.run.runner import run, schedule
 from gavel_agents.llm import Completion, Message
+from gavel_env.appended import read_members
 from gavel_env.instructions.record import InstructionSet, read_instructions, shipped
 
 RULES = Message("system", "Plan. " * 200)
@@ -95,7 +95,7 @@ def test_damage_in_the_middle_costs_one_member_and_is_said(tmp_path: Path) -> No
 
 
 def test_a_small_file_that_unpacks_to_much_is_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("eval.records.members.MEMBER_BYTES", 1 << 20)
+    monkeypatch.setattr("gavel_env.appended.MEMBER_BYTES", 1 << 20)
     path = tmp_path / "conversations.jsonl.gz"
     path.write_bytes(gzip.compress(b"0" * (4 << 20)))
     assert list(read_members(path)) == []

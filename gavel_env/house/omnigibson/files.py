@@ -8,14 +8,21 @@ pose in `state.registry.object_registry[name].root_link` (older: `state.object_r
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import msgspec
 
+from gavel_env.data import decode, read_bytes
 from gavel_env.errors import SceneError
+from gavel_env.house.scenes import MOST_METRES
 
 __all__ = ["NativeBox", "Quaternion", "SourceFile", "SourceObject", "Vector", "read_native_box", "read_objects"]
+
+T = TypeVar("T")
+
+_FOLDER_NAME = re.compile(r"|\w[\w.-]{0,99}")
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -95,12 +102,7 @@ def read_objects(file: Path) -> SourceFile:
     Raises:
         SceneError: the file is missing or malformed, or an object lacks its category, pose or a sound size.
     """
-    try:
-        content = msgspec.json.decode(file.read_bytes(), type=_SceneFile)
-    except OSError as error:
-        raise SceneError(f"{file} cannot be read: {error.strerror}; expected json/<scene>_best.json") from error
-    except msgspec.DecodeError as error:
-        raise SceneError(f"{file} is malformed: {error}") from error
+    content = _read(file, _SceneFile, "expected json/<scene>_best.json")
     poses = content.state.registry.object_registry if content.state.registry else content.state.object_registry
     if poses is None:
         raise SceneError(f"{file}: state has neither registry.object_registry nor object_registry")
@@ -108,9 +110,21 @@ def read_objects(file: Path) -> SourceFile:
     return SourceFile(file, {name: _source_object(file, name, args, poses) for name, args in entries.items()})
 
 
+def _read(file: Path, form: type[T], expected: str) -> T:
+    try:
+        return decode(read_bytes(file, "scene folder's file", SceneError), form)
+    except SceneError as error:
+        raise SceneError(f"{error}; {expected}") from error
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise SceneError(f"{file} is malformed: {error}") from error
+
+
 def _source_object(file: Path, name: str, args: _Args, poses: dict[str, _ObjectState]) -> SourceObject:
     if not args.category:
         raise SceneError(f"{file}: objects_info.init_info[{name!r}].args has no category")
+    for field, value in (("category", args.category), ("model", args.model)):
+        if not _FOLDER_NAME.fullmatch(value):
+            raise SceneError(f"{file}: {name!r} has the {field} {value[:80]!r}; expected a name as of a folder")
     if name not in poses:
         raise SceneError(f"{file}: {name!r} is in objects_info, but the state has no pose of it")
     link = poses[name].root_link
@@ -118,9 +132,13 @@ def _source_object(file: Path, name: str, args: _Args, poses: dict[str, _ObjectS
         raise SceneError(f"{file}: {name!r} has the orientation {link.ori}; expected a unit quaternion x, y, z, w")
     plain = 1.0 if args.scale is None else args.scale
     scale = plain if isinstance(plain, tuple) else (plain, plain, plain)
-    for field, value in (("scale", scale), ("bounding_box", args.bounding_box or (1.0,))):
-        if min(value) <= 0:
-            raise SceneError(f"{file}: {name!r} has the {field} {value}; expected positive numbers")
+    for field, numbers in (("scale", scale), ("bounding_box", args.bounding_box or (1.0,))):
+        if not all(0 < number <= MOST_METRES for number in numbers):
+            raise SceneError(
+                f"{file}: {name!r} has the {field} {numbers}; expected positive numbers, to {MOST_METRES:g}"
+            )
+    if max(map(abs, link.pos)) > MOST_METRES:
+        raise SceneError(f"{file}: {name!r} is at {link.pos}; expected metres, to {MOST_METRES} either way")
     rooms = args.in_rooms.split(",") if isinstance(args.in_rooms, str) else args.in_rooms or []
     return SourceObject(
         args.category,
@@ -141,13 +159,9 @@ def read_native_box(objects: Path, category: str, model: str) -> NativeBox:
         SceneError: its metadata is missing or malformed.
     """
     file = objects / category / model / "misc" / "metadata.json"
-    try:
-        box = msgspec.json.decode(file.read_bytes(), type=NativeBox)
-    except OSError as error:
-        expected = "the objects folder has <category>/<model>/misc/metadata.json"
-        raise SceneError(f"{file} cannot be read: {error.strerror}; {expected}") from error
-    except msgspec.DecodeError as error:
-        raise SceneError(f"{file} is malformed: {error}") from error
-    if min(box.bbox_size) <= 0:
+    box = _read(file, NativeBox, "the objects folder has <category>/<model>/misc/metadata.json")
+    if not all(0 < size <= MOST_METRES for size in box.bbox_size):
         raise SceneError(f"{file}: bbox_size is {box.bbox_size}; expected positive metres")
+    if max(map(abs, box.base_link_offset)) > MOST_METRES:
+        raise SceneError(f"{file}: base_link_offset is {box.base_link_offset}; expected metres, to {MOST_METRES}")
     return box

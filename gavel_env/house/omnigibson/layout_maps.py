@@ -8,6 +8,7 @@ n / 2. `floor_insseg_0.png` holds 1 + index of the room instance in the sorted r
 from __future__ import annotations
 
 import re
+import struct
 from collections import Counter
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -16,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gavel_env.data import read_bytes
 from gavel_env.errors import SceneError
 from gavel_env.house.scenes import Opening, RoomOutline
 
@@ -28,6 +30,10 @@ _DOORWAY_REACH_PX = 60  # free floor this near to a room and of no room (a doorw
 _SMALLEST_OPENING_M = 0.4
 _WIDEST_DOORWAY_M = 1.25
 _OUTLINE_TOLERANCE_PX = 1.5
+_PNG = b"\x89PNG\r\n\x1a\n"
+_IHDR = struct.Struct(">IIB")  # width, height and bits per sample, at the head of every PNG
+_MOST_PIXELS_A_SIDE = 10_240  # a hall of 100 m
+_MOST_MAP_BYTES = 64 << 20
 
 Labels = NDArray[np.int32]
 
@@ -94,7 +100,17 @@ def read_layout(folder: Path, named_rooms: frozenset[str], room_categories: Path
 
 
 def _read_map(path: Path) -> NDArray[np.uint8]:
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    content = read_bytes(path, "layout map", SceneError, most=_MOST_MAP_BYTES)
+    if content[:8] != _PNG or content[12:16] != b"IHDR" or len(content) < _IHDR.size + 16:
+        raise SceneError(f"{path} is no readable PNG")
+    width, height, bits = _IHDR.unpack_from(content, 16)
+    if max(width, height) > _MOST_PIXELS_A_SIDE or bits > 8:
+        limit = f"at most {_MOST_PIXELS_A_SIDE} pixels a side, of 8 bits"
+        raise SceneError(f"{path} has {width} x {height} pixels of {bits} bits; {limit}, are read")
+    try:
+        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise SceneError(f"{path} is no readable PNG: {error}") from error
     if image is None:
         raise SceneError(f"{path} is no readable PNG")
     if image.ndim == 3 and all((image[..., 0] == image[..., channel]).all() for channel in (1, 2)):
@@ -117,9 +133,9 @@ def _type_of(room: str) -> str:
 
 def _category_names(path: Path) -> list[str]:
     try:
-        return path.read_text("utf-8").split()
-    except OSError as error:
-        raise SceneError(f"room categories {path} cannot be read: {error.strerror}") from error
+        return read_bytes(path, "room categories", SceneError, most=1 << 20).decode().split()
+    except UnicodeDecodeError as error:
+        raise SceneError(f"room categories {path} are no UTF-8: {error}") from error
 
 
 def _room_types(
