@@ -20,6 +20,9 @@ ORDER = ("llm-only", "sayplan", "llm+p", "epog", "gavel-basic", "gavel-map", "ga
          "oracle")  # fmt: skip
 """The agents of a run that names none, in the order of the paper's tables; `react` runs where it is named."""
 
+TABLES_PLANNER = "classical:search"
+"""The classical planner of tables where none is named: quick, and the same whatever is installed."""
+
 _ALIASES = {"gavel": "gavel-full"}
 
 
@@ -41,7 +44,7 @@ def default_planners(kinds: Sequence[str], understanding: str = "reference") -> 
     they answer by the instruction's id, whatever was understood. The classical planner plans for what was understood.
     """
     if understanding != "reference":
-        return () if understanding == "llm" else ("classical",)
+        return () if understanding == "llm" else (TABLES_PLANNER,)
     planners: list[str] = []
     for kind in kinds:
         recording = shipped_recordings().get(kind)
@@ -112,7 +115,7 @@ def choose(
             chosen.append(contestant(agent, settings, privileged=True))
         elif agent in METHODS and METHODS[agent].source == "classical":
             given = [spec for spec in planners if _for_kind(spec)[1].partition(":")[0] == "classical"]
-            for kinds, planner in map(_for_kind, given or ("classical",)):
+            for kinds, planner in map(_for_kind, given or (TABLES_PLANNER,)):
                 spec = _with_engine(planner)
                 one = contestant(agent, settings, planner=spec, understanding=understanding, prior=prior, kinds=kinds)
                 chosen.append(one)

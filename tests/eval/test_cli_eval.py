@@ -16,7 +16,6 @@ import pytest
 from eval.cli import build_parser, main
 from eval.records.journal import read_records
 from eval.run.contestants import ORDER
-from gavel_agents.classical.planner import chosen_engine
 from gavel_env.instructions.record import Instruction, read_instructions, shipped
 
 ROOT = Path(__file__).parents[2]
@@ -93,7 +92,7 @@ def test_the_default_planner_plans_for_what_another_understanding_makes_of_the_t
         assert main(["eval", *source, *options, "--out", str(tmp_path / source[0])]) == 0
         lines = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
         assert [(line["agent"], line["planner"]) for line in lines] == [
-            (agent, f"classical:{chosen_engine()}") for agent in ("gavel-basic", "llm+p")
+            (agent, "classical:search") for agent in ("gavel-basic", "llm+p")
         ]
         for record in read_records([tmp_path / source[0]]).records.values():
             assert record.model.startswith("classical planner")
@@ -114,7 +113,7 @@ def test_a_shipped_recording_of_a_sample_is_in_the_default_table(
     assert main([*run, "--sample", "4", "--out", str(tmp_path / "default")]) == 0
     lines = csv.DictReader(io.StringIO(capsys.readouterr().out))
     rest = [
-        ("llm+p", f"classical:{chosen_engine()}"),
+        ("llm+p", "classical:search"),
         ("epog", ""),
         ("gavel-map", "reference:multi"),
         ("gavel-static", "reference:multi"),
