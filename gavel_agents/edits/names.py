@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 
 from gavel_agents.edits.rule import Case, Change
 from gavel_env.world_model.actions import Primitive
@@ -87,11 +88,21 @@ def _is_called(thing: str, word: str) -> bool:
 
 
 def _with_most_words(name: str, nodes: Sequence[Node]) -> list[str]:
-    """Return the nodes of which a name has most words: `shampoo_water_bottle` has two of `bottle of shampoo`."""
+    """Return the nodes of which a name has most words: `shampoo_water_bottle` has two of `bottle of shampoo`.
+
+    A word that no thing is called by may be what matters: `imaginary_bottle` names nothing.
+    """
     said = _words(name)
+    if not said <= _known_words():
+        return []
     shared = {node.id: max((len(words) for words in _phrases(node) if words <= said), default=0) for node in nodes}
     most = max(shared.values(), default=0)
     return [] if most == 0 else [node for node, count in shared.items() if count == most]
+
+
+@cache
+def _known_words() -> frozenset[str]:
+    return frozenset(word for phrase in default_concepts().thing_words for word in _words(phrase))
 
 
 def _phrases(node: Node) -> Iterator[frozenset[str]]:

@@ -73,7 +73,13 @@ def test_what_the_plan_does_with_a_name_and_what_the_goal_speaks_of_tell_nodes_a
 
 @pytest.mark.parametrize(
     ("written", "node"),
-    [("cupboard_in_the_kitchen", "any_cabinet@kitchen"), ("bed@bathroom", None), ("zorgle", None), ("bottle", None)],
+    [
+        ("cupboard_in_the_kitchen", "any_cabinet@kitchen"),
+        ("bed@bathroom", None),
+        ("zorgle", None),
+        ("imaginary_bed", None),
+        ("bottle", None),
+    ],
 )
 def test_rooms_count_and_nonsense_names_nothing(written: str, node: str | None) -> None:
     graph = believed("any_cabinet@kitchen", "bed@bedroom")

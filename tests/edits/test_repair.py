@@ -221,6 +221,12 @@ CASES = [
         edit="step 4: superfluous -> drop PLACE_ON_TOP(fridge_0) (step 4) GRASP(apple_0) (step 6)",
     ),
     RuleCase(
+        "read_name",
+        CARRY.replace(TABLE, "dining_table"),
+        ON_TABLE,
+        edit="step 3: unknown_object(dining_table) -> read dining_table as breakfast_table_0",
+    ),
+    RuleCase(
         "cut_loop",
         f"NAVIGATE_TO({TABLE}) NAVIGATE_TO({FRIDGE}) OPEN({FRIDGE}) CLOSE({FRIDGE}) {CARRY} NAVIGATE_TO({OVEN})",
         ON_TABLE,
