@@ -34,6 +34,12 @@ IN_OVEN = f"NAVIGATE_TO(apple_0) GRASP(apple_0) NAVIGATE_TO({OVEN}) OPEN({OVEN})
 
 CASES = [
     RuleCase(
+        "read_name",
+        CARRY.replace("apple_0", "red_apple_2"),
+        ON_TABLE,
+        edit="step 1: unknown_object(red_apple_2) -> read red_apple_2 as apple_0",
+    ),
+    RuleCase(
         "approach",
         CARRY.replace("NAVIGATE_TO(apple_0) ", ""),
         ON_TABLE,

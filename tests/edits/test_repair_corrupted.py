@@ -109,6 +109,8 @@ def test_shipped_broken_variants_are_restored_unless_an_object_is_invented(every
     restored: collections.Counter[str] = collections.Counter()
     total: collections.Counter[str] = collections.Counter()
     for graph, goal, steps, variant in broken_variants(every):
+        if variant.defect == "invented_object":  # `invented_apple_0` still says what it is: a name that says nothing
+            steps = [a._replace(target="zorgblatt_7") if "invented" in (a.target or "") else a for a in steps]
         repaired = repair(graph, steps, goal)
         total[variant.defect] += 1
         restored[variant.defect] += repaired.verdict.valid
