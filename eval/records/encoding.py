@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import msgspec
 
-from eval.records.schema import EpisodeRecord, RunHeader
-from eval.records.scrub import scrubbed
+from eval.records.schema import Benchmark, Contestant, EpisodeRecord, RejectedLine, RunHeader, Step, Usage
+from eval.records.scrub import may_hold_secrets, scrubbed
+from gavel_agents.agent import AgentTrace, TaskTrace
 from gavel_env.errors import Unencodable
 
 __all__ = ["LINE", "encoded", "sound"]
@@ -16,6 +17,14 @@ _OURS = frozenset({"schema", "seed", "instruction", "kind", "scene", "data", "co
 """Fields whose values this project writes itself: no secret, and records are found by them."""
 
 
+_FIELDS = frozenset({"schema"}).union(
+    *(
+        kind.__struct_fields__
+        for kind in (RunHeader, EpisodeRecord, Benchmark, RejectedLine, Contestant, Step, Usage, AgentTrace, TaskTrace)
+    )
+)
+
+
 def encoded(entry: RunHeader | EpisodeRecord) -> bytes:
     """Return an entry as one line, without secrets.
 
@@ -23,11 +32,22 @@ def encoded(entry: RunHeader | EpisodeRecord) -> bytes:
         Unencodable: what is in it cannot be written, or could not be read again.
     """
     try:
-        line = msgspec.json.encode(scrubbed(msgspec.to_builtins(entry, str_keys=True), _OURS))
+        line = _plainly(entry)
+        if line is None:
+            line = msgspec.json.encode(scrubbed(msgspec.to_builtins(entry, str_keys=True), _OURS, _FIELDS))
         LINE.decode(line)
     except (TypeError, ValueError, OverflowError, RecursionError, msgspec.MsgspecError) as error:
         raise Unencodable(f"the record cannot be written: {type(error).__name__}: {error}") from error
     return line + b"\n"
+
+
+def _plainly(entry: RunHeader | EpisodeRecord) -> bytes | None:
+    """Return an entry as JSON if nothing in it looks like a secret, and all of its text is Unicode; else None."""
+    try:
+        line = msgspec.json.encode(entry)
+    except UnicodeEncodeError:
+        return None
+    return None if may_hold_secrets(line.decode()) else line
 
 
 def sound(record: EpisodeRecord) -> EpisodeRecord:

@@ -12,7 +12,9 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
-__all__ = ["describe_error", "scrub", "scrub_secrets", "scrubbed"]
+import msgspec
+
+__all__ = ["describe_error", "may_hold_secrets", "scrub", "scrub_secrets", "scrubbed"]
 
 _SECRET_NAME = re.compile(r"key|token|secret|passw|credential|auth|cookie", re.IGNORECASE)
 _SECRET_SHAPE = re.compile(
@@ -20,6 +22,9 @@ _SECRET_SHAPE = re.compile(
     r"|(?<=Bearer )[A-Za-z0-9._\-]{8,}"
     r"|(?<=://)[^/\s:@\"]+:[^/\s@\"]+(?=@)"  # user:password in a URL
 )
+_SHAPES_BEGIN = ("sk-", "hf_", "ghp_", "gho_", "ghu_", "ghs_", "Bearer ", "://")
+"""One of these is in every text that `_SECRET_SHAPE` matches; looking for them is quicker."""
+
 _SHORTEST_VALUE = 8
 _MOST_CHARACTERS = 8000
 
@@ -48,7 +53,11 @@ def _without(text: str, values: _Replaced) -> str:
     pattern, names = _pattern(values)
     if pattern is not None:
         text = pattern.sub(lambda match: names[match.group()], text)
-    return _SECRET_SHAPE.sub("[removed]", text)
+    return _SECRET_SHAPE.sub("[removed]", text) if _shaped(text) else text
+
+
+def _shaped(text: str) -> bool:
+    return any(beginning in text for beginning in _SHAPES_BEGIN)
 
 
 def scrub_secrets(text: str, environment: Mapping[str, str] | None = None) -> str:
@@ -66,12 +75,27 @@ def scrub(text: str, environment: Mapping[str, str] | None = None) -> str:
     return _without(scrub_secrets(text, environment), _values(environment, secrets=False))
 
 
-def scrubbed(value: Any, kept: frozenset[str] = frozenset()) -> Any:
+def may_hold_secrets(encoded: str) -> bool:
+    """Return whether JSON text may hold something that `scrubbed` would take out; quick, and never wrong about no.
+
+    Args:
+        encoded: as msgspec writes it, which escapes quotes, backslashes and control characters alone.
+    """
+    values = _values(None, secrets=True)
+    written = tuple((msgspec.json.encode(value).decode()[1:-1], name) for value, name in values)
+    pattern, _ = _pattern(written)
+    if pattern is not None and pattern.search(encoded):
+        return True
+    return _shaped(encoded) and _SECRET_SHAPE.search(encoded) is not None
+
+
+def scrubbed(value: Any, kept: frozenset[str] = frozenset(), names: frozenset[str] = frozenset()) -> Any:
     """Return JSON-like data without secrets in any of its strings, keys included; characters that no UTF-8 has are `?`.
 
     Args:
         value: dicts, lists, tuples, strings, numbers and None.
         kept: keys whose values are the program's own words and stay as they are.
+        names: keys that are names of fields and stay as they are.
     """
     values = _values(None, secrets=True)
 
@@ -80,7 +104,9 @@ def scrubbed(value: Any, kept: frozenset[str] = frozenset()) -> Any:
             text = value if value.isascii() else value.encode("utf-8", "replace").decode("utf-8")
             return _without(text, values)
         if isinstance(value, dict):
-            return {clean(key): item if key in kept else clean(item) for key, item in value.items()}
+            return {
+                key if key in names else clean(key): item if key in kept else clean(item) for key, item in value.items()
+            }
         if isinstance(value, list | tuple):
             return [clean(item) for item in value]
         return value

@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from eval.records.encoding import sound
 from eval.records.journal import RecordWriter, read_records
 from eval.records.schema import OUTCOMES, Benchmark, Contestant, EpisodeRecord, RunHeader, Step
 from eval.records.scrub import describe_error, scrub, scrub_secrets
@@ -168,3 +170,51 @@ def test_records_of_a_plain_json_reader_have_the_documented_fields(tmp_path: Pat
         line
     )
     assert line["steps"] == [{"action": "RELEASE()", "outcome": "hand_empty"}]
+
+
+@pytest.mark.parametrize(
+    "secret", ["contestant", "gavel-record/1", 'abc"def\\ghi', "tab\tand\nline", "geheimnis-ü", "instruction"]
+)
+def test_a_secret_is_out_whatever_it_looks_like_and_the_file_stays_readable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, secret: str
+) -> None:
+    monkeypatch.setenv("SESSION_TOKEN", secret)
+    trace = AgentTrace(tasks=[TaskTrace(text=f"say {secret}", edits=(secret,))], stopped=secret)
+    with RecordWriter(tmp_path / "records.jsonl") as writer:
+        writer.write(header(arguments={secret: [f"x{secret}"]}))
+        writer.write(episode(trace=trace, failure=secret, method={"key": secret}))
+    found = read_records([tmp_path])
+    [record] = found.records.values()
+    assert not found.damaged
+    assert record.key == episode().key
+    free = (record.trace.stopped, record.trace.tasks[0].edits, record.failure, record.method["key"])
+    assert all(text == "[SESSION_TOKEN]" for text in (free[0], *free[1], *free[2:]))
+    assert secret not in {*found.headers[0].arguments} - {"contestant", "instruction"}
+    assert record.trace.tasks[0].text == "say [SESSION_TOKEN]"
+
+
+@pytest.mark.parametrize(
+    "trace",
+    [
+        AgentTrace(attempts=np.int64(3)),  # type: ignore[arg-type]
+        AgentTrace(expected_m=float("nan"), seconds={"plan": float("inf")}),
+        AgentTrace(stopped=None),  # type: ignore[arg-type]
+        AgentTrace(order=["first"]),  # type: ignore[list-item]
+        AgentTrace(seconds={"plan": object()}),  # type: ignore[dict-item]
+        AgentTrace(prompts=[b"\xff"]),  # type: ignore[list-item]
+    ],
+)
+def test_what_an_agent_leaves_behind_never_spoils_the_file(tmp_path: Path, trace: AgentTrace) -> None:
+    found = sound(episode(trace=trace))
+    with RecordWriter(tmp_path / "records.jsonl") as writer:
+        writer.write(found)
+        writer.write(episode("b"))
+    read = read_records([tmp_path])
+    assert not read.damaged
+    assert [r.outcome for r in read.records.values()] in (["error", "success"], ["success", "success"])
+    assert read.records[found.key] == found
+
+
+def test_half_characters_are_replaced(tmp_path: Path) -> None:
+    found = sound(episode(trace=AgentTrace(completions=["half \ud83d"])))
+    assert found.trace.completions == ["half ?"]
