@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from eval.report.statistics import Estimate
 
-__all__ = ["COST_MODEL_R2", "DEFAULT_MODEL", "EXPERIMENTS", "RESIDUAL_MULTI", "Published", "published_model"]
+__all__ = ["DEFAULT_MODEL", "EXPERIMENTS", "RESIDUAL_MULTI", "Published", "published_model"]
 
 DEFAULT_MODEL = "Qwen3-8B"
 """Whose figures stand beside those of a planner that the paper does not have."""
@@ -81,9 +81,6 @@ EXPERIMENTS: Mapping[str, Mapping[tuple[str, str], Published]] = {
 
 RESIDUAL_MULTI: Mapping[str, int] = {"understanding": 21, "proposal": 5, "unmet goals": 9, "all": 38}
 """Failures of the paper's GAVEL that remain in experiment 2, as its text counts them."""
-
-COST_MODEL_R2: Mapping[int, float] = {4: 0.93, 5: 0.89}
-"""Tasks -> R² of the ordering cost and the metres driven."""
 
 
 def published_model(model: str) -> str:

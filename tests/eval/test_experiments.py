@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eval.cli import main
@@ -106,6 +106,7 @@ def test_seeds_are_averaged_before_instructions_are_compared() -> None:
     assert paired.differences == (("i", 50.0),)
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(-50, 50), min_size=2, max_size=40))
 def test_a_bootstrap_interval_holds_the_mean_and_repeats(values: list[float]) -> None:
     interval = bootstrap_interval(values)
