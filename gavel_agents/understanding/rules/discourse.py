@@ -147,7 +147,8 @@ class Discourse:
             known = [e for e in dict.fromkeys(self.known) if e != group and set(e.kinds) < set(group.kinds)]
             if many and len(members) < 2:
                 if len(known) != many:
-                    if act.frame.heading or act.frame.aside or act.frame.mood == "fact":
+                    alone = not act.frame.verb and not act.frame.of(Phrase)  # Shoes, everyone!
+                    if alone or act.frame.heading or act.frame.aside or act.frame.mood == "fact":
                         act.frame.elements[:] = [e for e in act.frame.elements if e != group]
                         act.mentions[:] = [e for e in act.mentions if e != group]
                         continue  # toiletries: the comb, the brush

@@ -121,6 +121,7 @@ class Frame:
         heading: a colon follows it: what comes next belongs to it.
         meantime: it only holds for a while: `park one of them there meanwhile`.
         start: where it starts in the text.
+        definite: things that an article, a possessive or the like leads: not `while making tea`.
         several: groups of several kinds, with how many they are: `both bottles`.
         speaker: someone speaks of themselves, and of nothing past.
         done: how many of its elements stand before its participle: `the plates washed`.
@@ -142,6 +143,7 @@ class Frame:
     start: int = -1
     done: int = 0
     speaker: bool = False
+    definite: set[Entity] = field(default_factory=set)
     several: dict[Entity, int] = field(default_factory=dict)
 
     def of(self, kind: type) -> list[Element]:

@@ -116,6 +116,9 @@ def _without_fillers(tokens: Sequence[Token]) -> Iterator[Token]:
         if index <= compared:
             continue
         following = tokens[index + 1] if index + 1 < len(tokens) else None
+        if token.text == "like" and following is not None and following.kind is Kind.UNKNOWN:
+            compared = index + 1  # like reeds
+            continue
         if token.text in ("like", "as") and following is not None and following.text in ("a", "an"):
             compared = index + 1  # tall as a tower
             while compared + 1 < len(tokens) and tokens[compared + 1].kind in (Kind.ADJECTIVE, Kind.UNKNOWN, Kind.NOUN):
@@ -384,6 +387,10 @@ class _Reader:
         ):
             self.subject = True  # both sheets I'd like on the table
             return
+        if wants and token.close and (self.frame.verb or _says_where(self.frame)):
+            self.close()  # … in the laundry room i want both of them
+            self.subject = True
+            return
         if before is not None and before.kind is Kind.NOUN and token.close:
             self.gap = True  # the mug I used this morning
             return
@@ -411,6 +418,11 @@ class _Reader:
         if trailing is not None:
             self.close()
             self.frame.elements, self.frame.negated = trailing, True
+            return
+        following = self.peek()
+        if _goes(self.frame) and (following is None or following.kind is not Kind.VERB):
+            self.close()  # in the fridge, the kitchen one, not the pantry
+            self.frame.negated = True
             return
         before = self.previous
         apart = before is None or before.kind in (*_SEPARATORS, Kind.NOUN, Kind.ROOM) or before.value in ("(", ")")
@@ -462,6 +474,11 @@ class _Reader:
     def relate(self, token: Token) -> None:
         """Take `that's`, `that I left`: a phrase that follows says where the thing before it is."""
         following = self.peek()
+        marked = self.previous is not None and self.previous.kind in _SEPARATORS
+        if marked and token.text == "that 's" and following is not None and following.kind is Kind.UNKNOWN:
+            self.close()  # hands off, that's dinner
+            self.frame.aside, self.frame.verb = True, "TOLD"
+            return
         if following is not None and following.kind is Kind.VERB and following.form == "ed":
             self.position += 1  # that was left in the garden
         self.relative = self.kind() is Kind.PREPOSITION
@@ -641,6 +658,8 @@ class _Reader:
             if taken_up is not None and taken_up.movable:
                 return taken_up
         entity = self.named_entity(token, room)
+        if before is not None and before.kind in _LEADS and before.text not in ("a", "an", "some", "any"):
+            self.frame.definite.add(entity)
         self.memory.append((token.text, entity))
         return entity
 
@@ -808,6 +827,9 @@ class _Reader:
             else:
                 self.frame.elements.append(target)
                 return
+        if isinstance(target, Room) and self.room_of_piece_before(target):
+            self.preposition = None
+            return
         target = self.with_room_before(target)
         word = self.preposition.text
         preposition = self.preposition.value
@@ -826,6 +848,28 @@ class _Reader:
             nouns = [index for index, t in enumerate(said) if t.kind is Kind.NOUN][-2:]
             words = " ".join(t.text for t in said[nouns[0] : nouns[-1] + 1]) if len(nouns) == 2 else ""
             raise asked_which(words, (spoken(other), spoken(target)))
+
+    def room_of_piece_before(self, room: Room) -> bool:
+        """Take the room of `in a bookcase, in the kitchen`; of `in the study or in a bedroom`, either will do."""
+        elements = self.frame.elements
+        if self.preposition is None or self.preposition.value not in ("in", "at") or len(elements) < 2:
+            return False
+        mark = elements[-1]
+        if not isinstance(mark, Separator) or mark.kind not in (Kind.COMMA, Kind.OR):
+            return False
+        for index in range(len(elements) - 2, -1, -1):
+            element = elements[index]
+            if isinstance(element, Separator):
+                continue
+            target = element.target if isinstance(element, Phrase) and not element.relative else None
+            if not isinstance(element, Phrase) or not isinstance(target, Entity) or target.movable:
+                return False
+            if mark.kind is Kind.OR or target.room is None:
+                open_ = None if mark.kind is Kind.OR else room.type
+                elements[index] = element._replace(target=target._replace(room=open_))
+                return True
+            return False
+        return False
 
     def with_room_before(
         self, target: Entity | Pronoun | Room | There | Unknown
@@ -850,7 +894,8 @@ class _Reader:
             return False
         parts = any(isinstance(e, Part) and e.word in ("on", "off") for e in frame.elements)
         lit = any(isinstance(e, Entity) and any(k.toggleable for k in e.kinds) for e in frame.elements)
-        if parts and lit and not frame.of(Phrase):
+        apart = all(isinstance(e.target, Room) for e in frame.elements if isinstance(e, Phrase))
+        if parts and lit and apart:
             return not frame.verb or frame.mood == "wish"
         following = self.peek()
         marked = bool(frame.elements) and isinstance(frame.elements[-1], Separator)
@@ -962,7 +1007,9 @@ class _Reader:
         frame = self.frame
         if self.previous is not None and self.previous.kind is Kind.WISH and token.kind is Kind.WISH:
             return  # should go, needs to end up
-        if frame.verb == "LET" and token.text in ("lie", "sit", "stand", "remain", "live"):
+        before = self.previous
+        modal = frame.verb == "LET" or (before is not None and (before.kind is Kind.WISH or before.text == "to"))
+        if modal and token.text in ("lie", "sit", "stand", "remain", "live"):
             return  # let it lie in there
         if token.text == "go" and frame.empty and not frame.marked:
             if self.kind() is not Kind.VERB:  # "go find it" says no more than "find it"

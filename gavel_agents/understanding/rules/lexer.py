@@ -133,7 +133,18 @@ def tokens_of(text: str) -> list[Token]:
         else:
             run.append(piece)
     _read_run(run, tokens)
-    return _told(_determined(tokens))
+    return _told(_persons(_determined(tokens)))
+
+
+def _persons(tokens: Sequence[Token]) -> list[Token]:
+    """Return the tokens with `the guest wanted` as someone who does something."""
+    read = list(tokens)
+    for index, (token, following) in enumerate(pairwise(tokens)):
+        person = token.text in word_lists().lists.persons and token.kind in (Kind.UNKNOWN, Kind.FILLER, Kind.NOUN)
+        acts = following.kind is Kind.VERB and following.form != "base"
+        if person and following.close and (acts or following.kind is Kind.UNKNOWN):
+            read[index] = token._replace(kind=Kind.SUBJECT, value="")
+    return read
 
 
 _POINTING = frozenset(["this", "that", "these", "those", "one", "its", "either"])
@@ -232,7 +243,8 @@ def _longest(words: Sequence[str], start: int, before: Token | None) -> tuple[in
         count = len(entry.words)
         if count > 1 and tuple(words[start : start + count]) != entry.words:
             continue
-        if entry.noun is not None and entry.closed is None and only_led(entry.words) and not _led(before):
+        alone = before is None and start == 0 and count == len(words)
+        if entry.noun is not None and entry.closed is None and only_led(entry.words) and not (_led(before) or alone):
             return count, Token(Kind.FILLER, "", " ".join(entry.words))
         if entry.noun is None or entry.closed is None:
             return count, entry.noun or entry.closed

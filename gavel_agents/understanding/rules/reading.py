@@ -186,7 +186,7 @@ def _check_passed(act: Act, asked: Collection[str]) -> None:
         Abstention: `unparsed`.
     """
     places = [e for e in act.frame.elements if isinstance(e, Phrase) and isinstance(e.target, Entity)]
-    lost = [entity for entity in act.mentions if entity.movable and entity.category not in asked]
+    lost = [e for e in act.mentions if e.movable and e.category not in asked and e in act.frame.definite]
     if lost:
         raise asked_what(lost[0])
     if any(isinstance(p.target, Entity) and not p.target.movable for p in places):

@@ -90,7 +90,17 @@ def one_end(tasks: Sequence[TaskUnderstanding], answers: Mapping[str, str]) -> t
         if literal.predicate in (Predicate.ON_TOP, Predicate.INSIDE) and literal not in places.get(literal.subject, []):
             places.setdefault(literal.subject, []).append(literal)
     dropped: set[Literal] = set()
+    rooms = {
+        literal.subject
+        for task in tasks
+        for literal in task.goal.literals
+        if literal.predicate is Predicate.IN_ROOM and not literal.negated
+    }
     for subject, literals in places.items():
+        if subject in rooms:
+            raise asked_instead(
+                "contradiction", f"the {_words(subject)} shall be in a room and at {literals[0].object}"
+            )
         if len(literals) < 2:
             continue
         why = asked_end(

@@ -49,6 +49,9 @@ class Speller:
                 if known not in found:
                     found[known] = distance(word, known) + (known[0] != word[0])
         near = sorted((steps, known) for known, steps in found.items() if steps <= most)
+        swapped = [known for steps, known in near if sorted(known) == sorted(word)]
+        if len(swapped) == 1:
+            return (swapped[0],)  # letters in another order are the likeliest slip
         return tuple(known for steps, known in near if steps == near[0][0])
 
     def split(self, word: str) -> tuple[str, str] | None:

@@ -13,7 +13,7 @@ from gavel_agents.understanding.rules.groups import Group, grouped, locate, loca
 from gavel_agents.understanding.rules.places import can_become, can_run, process_flag, says_where
 from gavel_agents.understanding.rules.questions import asked_instead, asked_meaning, asked_where
 from gavel_agents.understanding.rules.words import verb_forms
-from gavel_env.world_model.goals import Literal
+from gavel_env.world_model.goals import Literal, Predicate
 
 __all__ = ["read_frame"]
 
@@ -384,6 +384,10 @@ def _run(discourse: Discourse, act: Act) -> None:
 
 def _swap(discourse: Discourse, act: Act) -> None:
     """Read swaps: each thing shall be where the other is said to be."""
+    if sum(isinstance(e, Phrase) and e.directional for e in act.frame.elements) > 1:
+        act.frame.verb = "MOVE"
+        _move(discourse, act)
+        return
     things: list[Entity] = []
     for element in act.frame.elements:
         entity = element.target if isinstance(element, Phrase) and element.preposition == "with" else element
@@ -393,10 +397,6 @@ def _swap(discourse: Discourse, act: Act) -> None:
             discourse.state(act, things[-1], element)
     if not things and act.frame.heading:
         act.passed = True  # swap these: …
-        return
-    if sum(isinstance(e, Phrase) and e.directional for e in act.frame.elements) > 1:
-        act.frame.verb = "MOVE"
-        _move(discourse, act)
         return
     act.things = things or list(discourse.focus)
     discourse.swapped = True
@@ -412,6 +412,13 @@ def _same(discourse: Discourse, act: Act) -> None:
     """Read `do the same for the fork`."""
     things = movables(act.frame.elements) or [e for e in discourse.focus if e not in discourse.wished]
     act.things = things
+    pieces = [e for e in act.frame.elements if isinstance(e, Entity) and not e.movable]
+    states = [
+        g for earlier in discourse.acts for g in earlier.goals if g.predicate in (Predicate.TOGGLED, Predicate.OPEN)
+    ]
+    if pieces and states and not movables(act.frame.elements):
+        act.goals.extend(states[-1]._replace(subject=designator_of(piece)) for piece in pieces)  # so is the television
+        return
     if not things or not discourse.wished:
         raise Abstention("no_antecedent", "nothing was done before that could be done again")
     relation = list(discourse.wished.values())[-1]

@@ -69,12 +69,14 @@ class _Lists(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         doubling: verbs that double their last letter.
         told: verbs by which someone tells where a thing is: `Tom dropped it on the sofa`.
+        persons: who may do something, other than the speaker.
         only_led: nouns that are nouns only after an article or the like.
     """
 
     doubling: frozenset[str]
     told: frozenset[str]
     only_led: frozenset[str]
+    persons: frozenset[str]
 
 
 class Words(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
