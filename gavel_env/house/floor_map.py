@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gavel_env.errors import SceneError, UnknownObject
+from gavel_env.frozen import frozen
 from gavel_env.house.rasters import footprint, rasterise
 from gavel_env.house.robot_config import DEFAULT_ROBOT, RobotConfig
 from gavel_env.house.scenes import Furniture, Scene
@@ -81,7 +82,7 @@ class FloorMap:
     @cached_property
     def room_index(self) -> Mapping[str, int]:
         """Return the position of every room id in `room_ids`."""
-        return {room: i for i, room in enumerate(self.room_ids)}
+        return frozen({room: i for i, room in enumerate(self.room_ids)})
 
     @cached_property
     def floor(self) -> NDArray[np.bool_]:
@@ -109,7 +110,9 @@ class FloorMap:
     def room_cells(self) -> Mapping[str, Indices]:
         """Return the reachable cells of every room, (n,) flat, ascending; empty where the robot cannot enter."""
         inside = np.where(self.reachable, self.rooms, -1).ravel()
-        return {room: np.nonzero(inside == i)[0].astype(np.int32) for i, room in enumerate(self.room_ids)}
+        return frozen(
+            {room: _frozen(np.nonzero(inside == i)[0].astype(np.int32)) for i, room in enumerate(self.room_ids)}
+        )
 
     @cached_property
     def room_points(self) -> Mapping[str, int | None]:
@@ -119,7 +122,7 @@ class FloorMap:
             inside = np.zeros(self.shape, np.bool_)
             inside.ravel()[cells] = True
             points[room] = self._middle(inside) if cells.size else None
-        return points
+        return frozen(points)
 
     def _room_field(self, room: str) -> NDArray[np.float64] | None:
         """Return the distances in metres from a room's point, computed once; None if the room cannot be entered."""
@@ -298,5 +301,5 @@ def _build(scene: Scene, robot: RobotConfig) -> FloorMap:
         opaque=_frozen(opaque),
         obstacle=_frozen(away == 0.0),
         free=_frozen(free),
-        pieces={piece.id: piece for piece in scene.furniture},
+        pieces=frozen({piece.id: piece for piece in scene.furniture}),
     )

@@ -9,6 +9,7 @@ from functools import lru_cache
 import msgspec
 
 from gavel_env.errors import GavelError, InstructionError, UnknownConcept
+from gavel_env.frozen import frozen
 from gavel_env.house.scenes import Scene
 from gavel_env.instructions.record import Instruction, Placement
 from gavel_env.world_model.concepts import PREFIX
@@ -65,7 +66,8 @@ def _scene_graph(key: _ById, ontology: Ontology) -> SceneGraph:
         if relation != Relation.FLOOR:
             contents.setdefault(holder, []).append(obj)
     world = World.of(rooms, connections, nodes)
-    return SceneGraph(world, supports, {holder: tuple(sorted(held)) for holder, held in contents.items()})
+    held_by = {holder: tuple(sorted(held)) for holder, held in contents.items()}
+    return SceneGraph(world, frozen(supports), frozen(held_by))
 
 
 @lru_cache(maxsize=64)

@@ -9,10 +9,12 @@ import math
 import operator
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from gavel_env.errors import GavelError, UnknownObject
 from gavel_env.exchange import EnvAction, Observed, ReturnWhen
+from gavel_env.frozen import frozen
 from gavel_env.house.floor_map import FloorMap, known_layout
 from gavel_env.house.robot_config import RobotConfig
 from gavel_env.house.scenes import Scene, load_scene
@@ -104,6 +106,7 @@ class Episode:
         self._failed_on: tuple[object, ...] | None = None
         self._each = tuple(Goal((literal,)) for literal in self.goal.literals)
         self._positions: dict[str, tuple[float, float]] = {}
+        self._plain: SceneGraph | None = None
         self.observed = self._view("", None)
 
     # --- acting --------------------------------------------------------------------------------------------------
@@ -179,9 +182,9 @@ class Episode:
         pose, graph = self.executor.pose, self.executor.graph
         return Observed(
             instruction=self.instruction.text,
-            graph=graph,
+            graph=self._frozen(graph),
             layout=self.layout,
-            positions=self._place(graph),
+            positions=frozen(self._place(graph)),
             cell=pose.cell,
             heading_deg=math.degrees(pose.heading),
             seen=pose.seen,
@@ -189,6 +192,19 @@ class Episode:
             metres=pose.metres,
             outcome=outcome,
             reached=reached,
+        )
+
+    def _frozen(self, graph: SceneGraph) -> SceneGraph:
+        """Return the graph as agents get it: the same, and nothing in it can be changed."""
+        if graph is self._plain:
+            return self.observed.graph
+        last = self.observed.graph if self._plain is not None else None
+        unmoved = last is not None and self._plain is not None and graph.supports is self._plain.supports
+        self._plain = graph
+        return msgspec.structs.replace(
+            graph,
+            supports=last.supports if unmoved and last is not None else frozen(graph.supports),
+            contents=frozen(graph.contents),
         )
 
     def _place(self, graph: SceneGraph) -> dict[str, tuple[float, float]]:

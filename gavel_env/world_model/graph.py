@@ -8,15 +8,19 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, cast
 
 import msgspec
 import networkx as nx
 
+from gavel_env.frozen import frozen
 from gavel_env.world_model.concepts import default_concepts, is_concept
 from gavel_env.world_model.ontology import Category
 
 __all__ = ["Flag", "Node", "Relation", "Room", "SceneGraph", "Support", "World"]
+
+
+V = TypeVar("V")
 
 
 class Relation(enum.IntEnum):
@@ -103,7 +107,8 @@ class World(msgspec.Struct, frozen=True):
         index: dict[str, list[str]] = {}
         for node in nodes.values():
             index.setdefault(node.category.name, []).append(node.id)
-        return cls(rooms, connections, nodes, {name: tuple(ids) for name, ids in index.items()})
+        by_category = {name: tuple(ids) for name, ids in index.items()}
+        return cls(frozen(rooms), connections, frozen(nodes), frozen(by_category))
 
     def instances(self, name: str) -> tuple[str, ...]:
         """Return the objects of a category or of a concept (`any_cabinet`), in the graph's order."""
@@ -215,8 +220,8 @@ class SceneGraph(msgspec.Struct, frozen=True):
 
     def place(self, obj: str, support: Support | None) -> SceneGraph:
         """Return the graph with `obj` (and all on or in it) moved to `support`; None = location unknown."""
-        supports = dict(self.supports)
-        contents = dict(self.contents)
+        supports = _merged(self.supports, {})
+        contents = _merged(self.contents, {})
         old = supports.pop(obj, None)
         if old is not None and old.relation <= Relation.INSIDE:
             rest = tuple(o for o in contents[old.holder] if o != obj)
@@ -238,7 +243,7 @@ class SceneGraph(msgspec.Struct, frozen=True):
 
     def with_nodes(self, nodes: Mapping[str, Node]) -> SceneGraph:
         """Return the graph with more objects known; their locations are unknown until placed."""
-        world = World.of(self.world.rooms, self.world.connections, {**self.world.nodes, **nodes})
+        world = World.of(self.world.rooms, self.world.connections, _merged(self.world.nodes, nodes))
         return msgspec.structs.replace(self, world=world)
 
     def edges(self) -> Iterator[tuple[str, str, str]]:
@@ -275,6 +280,12 @@ class SceneGraph(msgspec.Struct, frozen=True):
             attributes: dict[str, Any] = {"relation": relation}
             out.add_edge(a, b, key=relation, **attributes)
         return out
+
+
+def _merged(mapping: Mapping[str, V], more: Mapping[str, V]) -> dict[str, V]:
+    """Return a new dict of both; `|` copies what lies under a frozen view at once, where `dict` asks for every key."""
+    merged: dict[str, V] = cast("dict[str, V]", mapping) | more  # type: ignore[operator]
+    return merged
 
 
 _EDGE_NAMES = {
