@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, cast
 
-from gavel_agents.classical.estimate import Estimate
+from gavel_agents.classical.needs import Needs
 from gavel_agents.classical.search import Found, handy
 from gavel_env.errors import NotExpressible
 from gavel_env.world_model.actions import Action, Primitive
@@ -41,7 +41,7 @@ def solve(graph: SceneGraph, goal: Goal, profile: Profile = Profile.PAPER, limit
     from unified_planning.shortcuts import OneshotPlanner
 
     try:
-        task = planning_task(graph, goal, profile, Estimate(graph, goal, profile).relevant)
+        task = planning_task(graph, goal, profile, Needs(graph, goal, profile).relevant)
     except NotExpressible as error:
         return Found(None, 0, str(error))
     problem = up_problem(task)

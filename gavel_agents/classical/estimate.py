@@ -9,143 +9,53 @@ all that lies in it; otherwise things are counted apart from each other: the est
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property
 
-from gavel_agents.classical.wishes import Unplannable, Wish, literals_of, wishes
-from gavel_agents.edits.wants import confers
+from gavel_agents.classical.needs import MADE, Needs
+from gavel_agents.classical.wishes import Unplannable, Wish, wishes
 from gavel_env.world_model.conditions import ON_FLOOR, WITHIN
-from gavel_env.world_model.dynamics import Profile
-from gavel_env.world_model.goals import Designator, Goal, Predicate, fitting
+from gavel_env.world_model.goals import Predicate
 from gavel_env.world_model.graph import Flag, Relation, SceneGraph
 
-__all__ = ["HOPELESS", "Estimate"]
+__all__ = ["HOPELESS", "estimate"]
 
 HOPELESS = 10_000.0
 """Price of what no action brings about."""
 
-_MADE = {
-    p.value: flag
-    for flag in (Flag.COOKED, Flag.WASHED, Flag.DRIED, Flag.HOT, Flag.FROZEN)
-    for p in Predicate
-    if p.flag is flag
-}
 _ON, _IN = Predicate.ON_TOP.value, Predicate.INSIDE.value
 
 
-class Estimate:
-    """The estimate for one goal from one start."""
+def estimate(needs: Needs, graph: SceneGraph, handy: frozenset[str]) -> float:
+    """Return how many primitives a state is away from the goal, about.
 
-    def __init__(self, start: SceneGraph, goal: Goal, profile: Profile = Profile.PAPER) -> None:
-        """Find out what matters.
+    Args:
+        needs: the goal, with what it may need.
+        graph: the state.
+        handy: what can be worked on without driving.
+    """
+    steps = _Steps(graph, handy, needs)
+    try:
+        asked = wishes(needs.goal, graph, steps.price)
+    except Unplannable:
+        return HOPELESS
+    by_thing: dict[str, list[Wish]] = {}
+    for wish in _where_all_will_be(asked):
+        by_thing.setdefault(wish.subject, []).append(wish)
+    total = sum(steps.thing(thing, about) for thing, about in by_thing.items()) + steps.running()
+    doors = {w.subject for w in asked if w.predicate == "open" and w.negated}
+    in_the_way = graph.holding is not None and graph.holding not in by_thing
+    return total + in_the_way - steps.within_reach + _restoring(needs, graph, handy, doors)
 
-        Args:
-            start: the state that is planned from.
-            goal: what is planned for.
-            profile: rules profile.
-        """
-        self.start = start
-        self.goal = goal
-        self._hand = 2 if profile is Profile.OMNIGIBSON else 0  # a full hand is set down and filled again at doors
-        self._workers: dict[tuple[str, Flag], tuple[tuple[str, Relation], ...]] = {}
-        self._wanted = {
-            flag: frozenset(o for o in start.world.nodes if goal.wants(flag, o, start))
-            for flag in (Flag.OPEN, Flag.TOGGLED)
-        }
 
-    @cached_property
-    def relevant(self) -> tuple[str, ...]:
-        """What a plan may need: what the goal speaks of, what holds it, and what can give the states asked for."""
-        found: dict[str, None] = {}
-        for predicate, names in literals_of(self.goal):
-            things = [o for name in names for o in fitting(self.start, Designator.parse(name))]
-            found.update(dict.fromkeys(things))
-            flag = _MADE.get(predicate)
-            for thing in things:
-                if flag is not None:
-                    found.update((a, None) for a, _ in self.workers(thing, flag))
-                if predicate == Predicate.DIRTY.value:
-                    found.update((a, None) for a, _ in self._cleaners(thing))
-                if predicate in (Predicate.HOT.value, Predicate.FROZEN.value):
-                    found.update((a, None) for f in (Flag.HOT, Flag.FROZEN) for a, _ in self.workers(thing, f))
-            if predicate in (Predicate.IN_ROOM.value, ON_FLOOR):
-                found.update((o, None) for o in self._in_room(self.start, names[-1]))
-        for thing in tuple(found):
-            found.update((holder, None) for _, holder in self.start.holders(thing))
-        return tuple(o for o in self.start.world.nodes if o in found)
-
-    def workers(self, thing: str, flag: Flag) -> tuple[tuple[str, Relation], ...]:
-        """Return what gives a thing a state when it is run, and how the thing must lie in or on it."""
-        key = (thing, flag)
-        if key not in self._workers:
-            found = ((a, confers(self.start, a, thing, flag)) for a in self.start.world.nodes if a != thing)
-            self._workers[key] = tuple((a, relation) for a, relation in found if relation is not None)
-        return self._workers[key]
-
-    def __call__(self, graph: SceneGraph, handy: frozenset[str]) -> float:
-        """Return the estimate of a state.
-
-        Args:
-            graph: the state.
-            handy: what can be worked on without driving.
-        """
-        steps = _Steps(graph, handy, self)
-        try:
-            asked = wishes(self.goal, graph, steps.price)
-        except Unplannable:
-            return HOPELESS
-        by_thing: dict[str, list[Wish]] = {}
-        for wish in _where_all_will_be(asked):
-            by_thing.setdefault(wish.subject, []).append(wish)
-        total = sum(steps.thing(thing, about) for thing, about in by_thing.items()) + steps.running()
-        doors = {w.subject for w in asked if w.predicate == "open" and w.negated}
-        in_the_way = graph.holding is not None and graph.holding not in by_thing
-        return total + in_the_way - steps.within_reach + self._restoring(graph, handy, doors)
-
-    def _restoring(self, graph: SceneGraph, handy: frozenset[str], counted: set[str]) -> float:
-        """Return the steps that shut and switch off what the plan opened and switched on."""
-        total = 0.0
-        for flag in (Flag.OPEN, Flag.TOGGLED):
-            for obj in graph.flags[flag] - self.start.flags[flag] - self._wanted[flag]:
-                if flag is Flag.TOGGLED and not graph.category(obj).safety_critical:
-                    continue
-                if not (flag is Flag.OPEN and obj in counted):
-                    total += 1 if obj in handy else 2
-        return total
-
-    def _cleaners(self, thing: str) -> tuple[tuple[str, Relation], ...]:
-        """Return what takes dirt off a thing by being run with it inside."""
-        rinsing = (
-            (a, Relation.INSIDE)
-            for a in self.start.world.nodes
-            if a != thing and self.start.category(a).rinses and self.start.category(a).interior
-        )
-        return (*self.workers(thing, Flag.WASHED), *rinsing, *((w, Relation.ON_TOP) for w in self.wipers(thing)))
-
-    def wipers(self, thing: str) -> tuple[str, ...]:
-        """Return what wipes a thing clean when it is put down on it."""
-        if not self.start.category(thing).surface:
-            return ()
-        nodes = self.start.world.nodes
-        return tuple(o for o in nodes if o != thing and nodes[o].category.wipes and not nodes[o].fixed)
-
-    def machines(self, thing: str) -> tuple[tuple[str, Relation], ...]:
-        """Return the machines that take dirt off a thing."""
-        return tuple((a, r) for a, r in self._cleaners(thing) if r is Relation.INSIDE)
-
-    @staticmethod
-    def _in_room(graph: SceneGraph, room: str) -> list[str]:
-        """Return fixed pieces of a room, by which a thing can be brought there."""
-        rooms = graph.world.rooms
-        found = []
-        for o, node in graph.world.nodes.items():
-            where = graph.room_of(o) if node.fixed else None
-            if where is not None and rooms[where].fits(room):
-                found.append(o)
-        return found
-
-    def pieces_of(self, room: str) -> list[str]:
-        """Return the fixed pieces known to stand in a room."""
-        return self._in_room(self.start, room)
+def _restoring(needs: Needs, graph: SceneGraph, handy: frozenset[str], counted: set[str]) -> float:
+    """Return the steps that shut and switch off what the plan opened and switched on."""
+    total = 0.0
+    for flag in (Flag.OPEN, Flag.TOGGLED):
+        for obj in graph.flags[flag] - needs.start.flags[flag] - needs.wanted[flag]:
+            if flag is Flag.TOGGLED and not graph.category(obj).safety_critical:
+                continue
+            if not (flag is Flag.OPEN and obj in counted):
+                total += 1 if obj in handy else 2
+    return total
 
 
 def _where_all_will_be(asked: Sequence[Wish]) -> Iterator[Wish]:
@@ -161,14 +71,14 @@ def _where_all_will_be(asked: Sequence[Wish]) -> Iterator[Wish]:
 class _Steps:
     """Counts of primitives in one state."""
 
-    def __init__(self, graph: SceneGraph, handy: frozenset[str], about: Estimate) -> None:
-        self.graph, self.handy, self.about = graph, handy, about
+    def __init__(self, graph: SceneGraph, handy: frozenset[str], needs: Needs) -> None:
+        self.graph, self.handy, self.needs = graph, handy, needs
         self.within_reach = False  # whether something that must be taken can be taken from here
         self._runs: set[str] = set()
 
     def price(self, wish: Wish) -> float:
         """Return the steps to one wish by itself."""
-        alone = _Steps(self.graph, self.handy, self.about)
+        alone = _Steps(self.graph, self.handy, self.needs)
         return alone.thing(wish.subject, [wish]) + alone.running()
 
     def running(self) -> float:
@@ -211,7 +121,7 @@ class _Steps:
         if not shut:
             return 1
         doors = sum((1 if c in self.handy else 2) for c in shut)
-        return doors + (self.about._hand if graph.holding is not None else 0)
+        return doors + (self.needs.hand if graph.holding is not None else 0)
 
     def take(self, thing: str) -> float:
         """Return the steps until a thing is in the hand, going there included: one hand, one way for each thing."""
@@ -221,14 +131,14 @@ class _Steps:
         shut = [h for relation, h in graph.holders(thing) if relation is Relation.INSIDE and graph.is_shut(h)]
         if graph.holding is None and thing in self.handy and not shut:
             self.within_reach = True
-        return 2 + len(shut) * (1 + (self.about._hand if graph.holding is not None else 0))
+        return 2 + len(shut) * (1 + (self.needs.hand if graph.holding is not None else 0))
 
     def bring(self, thing: str, relation: Relation, place: str) -> float:
         """Return the steps until a thing is on, in or beside a place."""
         graph = self.graph
         going = self.reach(place) if thing == graph.holding else 1 + self._shut_around(place)
         opening = relation is Relation.INSIDE and graph.is_shut(place)
-        return self.take(thing) + going + opening * (1 + self.about._hand) + 1
+        return self.take(thing) + going + opening * (1 + self.needs.hand) + 1
 
     def _shut_around(self, place: str) -> float:
         graph = self.graph
@@ -243,7 +153,7 @@ class _Steps:
         if category.fixed or not category.category.liftable:
             return HOPELESS
         if wish.predicate in (Predicate.IN_ROOM.value, ON_FLOOR):
-            pieces = self.about.pieces_of(place)
+            pieces = self.needs.pieces_of(place)
             return min((self.bring(thing, Relation.FLOOR, piece) for piece in pieces), default=HOPELESS)
         target = self.graph.category(place)
         if wish.predicate == _ON:
@@ -264,19 +174,19 @@ class _Steps:
         thing = wish.subject
         if wish.predicate == Predicate.DIRTY.value:
             return (lambda: self._cleaned(thing)) if wish.negated else (lambda: HOPELESS)
-        flag = _MADE.get(wish.predicate)
+        flag = MADE.get(wish.predicate)
         if flag is None:
             return None
         if not wish.negated:
-            return lambda: self._run(thing, self.about.workers(thing, flag))
+            return lambda: self._run(thing, self.needs.workers(thing, flag))
         undone = {Flag.HOT: Flag.FROZEN, Flag.FROZEN: Flag.HOT}.get(flag)
         if undone is None:
             return lambda: HOPELESS
-        return lambda: self._run(thing, self.about.workers(thing, undone))
+        return lambda: self._run(thing, self.needs.workers(thing, undone))
 
     def _cleaned(self, thing: str) -> float:
-        wiped = min((self.bring(w, Relation.ON_TOP, thing) for w in self.about.wipers(thing)), default=HOPELESS)
-        loading, appliance = self._loading(thing, self.about.machines(thing))
+        wiped = min((self.bring(w, Relation.ON_TOP, thing) for w in self.needs.wipers(thing)), default=HOPELESS)
+        loading, appliance = self._loading(thing, self.needs.machines(thing))
         if appliance is None or wiped <= loading + 1:
             return wiped
         self._runs.add(appliance)

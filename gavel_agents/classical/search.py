@@ -14,7 +14,8 @@ import heapq
 from collections.abc import Hashable, Iterator
 from typing import NamedTuple
 
-from gavel_agents.classical.estimate import HOPELESS, Estimate
+from gavel_agents.classical.estimate import HOPELESS, estimate
+from gavel_agents.classical.needs import Needs
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile, apply, first_violation, unsafe
 from gavel_env.world_model.goals import Goal, unmet
@@ -68,9 +69,9 @@ def search(graph: SceneGraph, goal: Goal, profile: Profile = Profile.PAPER, most
         profile: rules profile.
         most_states: states to expand at most.
     """
-    estimate = Estimate(graph, goal, profile)
+    needs = Needs(graph, goal, profile)
     start = _Node(graph, None, None, None, 0)
-    first = estimate(graph, handy(graph, None))
+    first = estimate(needs, graph, handy(graph, None))
     if first >= HOPELESS:
         return Found(None, 0, "no sequence of actions known here brings the goal about")
     queue: list[tuple[float, float, int, _Node]] = [(0.0, first, 0, start)]
@@ -81,7 +82,7 @@ def search(graph: SceneGraph, goal: Goal, profile: Profile = Profile.PAPER, most
         if not unmet(goal, node.graph) and not unsafe(graph, node.graph, goal):
             return Found(node.plan(), expanded)
         expanded += 1
-        for action in _actions(node, estimate.relevant):
+        for action in _actions(node, needs.relevant):
             if first_violation(node.graph, action, profile) is not None:
                 continue
             after = apply(node.graph, action)
@@ -91,7 +92,7 @@ def search(graph: SceneGraph, goal: Goal, profile: Profile = Profile.PAPER, most
             if key in seen:
                 continue
             seen.add(key)
-            left = estimate(after, handy(after, at))
+            left = estimate(needs, after, handy(after, at))
             if left >= HOPELESS:
                 continue
             pushed += 1
