@@ -59,7 +59,7 @@ def train(level: str = "easy", steps: int = 50_000, seed: int = 0) -> Learned:
         raise NotInstalled(f"{error.name} is not installed; pip install 'gavel-env[rl]'") from error
     torch.set_num_threads(1)
 
-    class Curve(BaseCallback):  # type: ignore[misc]  # the library has no types
+    class Curve(BaseCallback):  # type: ignore[misc,unused-ignore]  # Any where it is not installed
         ended: list[bool]
         points: list[tuple[int, float]]
 

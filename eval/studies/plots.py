@@ -9,7 +9,7 @@ import numpy as np
 
 from gavel_env.errors import NotInstalled
 
-__all__ = ["figure", "fitted_exponent"]
+__all__ = ["figure", "fitted_exponent", "plain_logarithmic"]
 
 
 def figure(columns: int = 1, rows: int = 1) -> tuple[Any, Any]:
@@ -30,6 +30,18 @@ def figure(columns: int = 1, rows: int = 1) -> tuple[Any, Any]:
         ax.grid(visible=True, color="0.9")
         ax.spines[["top", "right"]].set_visible(False)
     return drawing, axes[0, 0] if rows == columns == 1 else axes
+
+
+def plain_logarithmic(ax: Any, sizes: Sequence[float]) -> None:
+    """Write the numbers of two logarithmic axes plainly; a few whole sizes are each written out."""
+    from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, StrMethodFormatter
+
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if axis is ax.yaxis else (1.0,)))
+        axis.set_major_formatter(StrMethodFormatter("{x:,g}"))
+        axis.set_minor_formatter(NullFormatter())
+    if len(sizes) <= 6 and all(float(size).is_integer() for size in sizes):
+        ax.xaxis.set_major_locator(FixedLocator(list(sizes)))
 
 
 def fitted_exponent(sizes: Sequence[float], costs: Sequence[float]) -> tuple[float, float]:

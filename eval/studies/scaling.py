@@ -20,12 +20,12 @@ from typing import Any, NamedTuple
 
 from eval.studies.bench_agents import slow_endpoint
 from eval.studies.bench_world import instructions, make, reset
-from eval.studies.plots import figure, fitted_exponent
+from eval.studies.plots import figure, fitted_exponent, plain_logarithmic
 from gavel_env.exchange import EnvAction
 from gavel_env.house.scenes import Scene, load_scene
 from gavel_env.world_model.actions import Action, Primitive
 
-__all__ = ["CURVES", "Curve", "main"]
+__all__ = ["CURVES", "Curve", "main", "play"]
 
 Points = Iterator[tuple[float, float]]
 
@@ -149,7 +149,16 @@ def _planning_ms() -> Points:
 
 
 def _memory_mb() -> Points:
-    """Play 10,000 episodes of masked random actions, ten steps each, and look at the most memory so far."""
+    """Play 10,000 episodes in a process of their own, and look at the most memory it has taken so far."""
+    code = "from eval.studies.scaling import play; play()"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    for line in done.stdout.splitlines():
+        episode, megabytes = line.split()
+        yield float(episode), float(megabytes)
+
+
+def play(most: int = 10_000) -> None:
+    """Play episodes of masked random actions, ten steps each; print the most memory so far, in MB, at some of them."""
     import gymnasium as gym
     import numpy as np
 
@@ -158,7 +167,7 @@ def _memory_mb() -> Points:
     env: Any = gym.make("Gavel-RL-v0", level="easy", disable_env_checker=True)
     rng = np.random.default_rng(0)
     _, info = env.reset(seed=0)
-    for episode in range(1, 10_001):
+    for episode in range(1, most + 1):
         for _ in range(10):
             *_, terminated, truncated, info = env.step(int(rng.choice(np.flatnonzero(info["action_mask"]))))
             if terminated or truncated:
@@ -166,7 +175,7 @@ def _memory_mb() -> Points:
         _, info = env.reset()
         if episode in (100, 300, 1_000, 3_000, 10_000):
             unit = 2**20 if sys.platform == "darwin" else 2**10
-            yield float(episode), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+            print(episode, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit, flush=True)
 
 
 def _evaluation(*arguments: str) -> tuple[float, float]:
@@ -243,9 +252,12 @@ def _draw(found: Mapping[Curve, Sequence[tuple[float, float]]], path: Path) -> N
         sizes, costs = zip(*points, strict=True)
         exponent, factor = fitted_exponent(sizes, costs)
         ax.loglog(sizes, costs, "o", color="tab:brown")
-        ax.loglog(sizes, [factor * size**exponent for size in sizes], color="0.6", label=f"k = {exponent:.2f}")
+        ax.loglog(
+            sizes, [factor * size**exponent for size in sizes], color="0.6", label=f"k = {round(exponent, 2) + 0.0:.2f}"
+        )
         ax.set(xlabel=curve.size, ylabel=curve.cost)
         ax.set_ylim(min(costs) / 2, max(costs) * 2)
+        plain_logarithmic(ax, sizes)
         ax.legend(loc="upper left")
     drawing.savefig(path)
 

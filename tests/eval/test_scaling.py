@@ -45,6 +45,13 @@ def test_cost_against_objects_is_measured_in_growing_scenes() -> None:
     assert all(0.0 < cost < 1000.0 for _, cost in points)
 
 
+def test_memory_is_looked_at_while_episodes_are_played(capsys: pytest.CaptureFixture[str]) -> None:
+    scaling.play(300)
+    found = [tuple(map(float, line.split())) for line in capsys.readouterr().out.splitlines()]
+    assert [episode for episode, _ in found] == [100.0, 300.0]
+    assert 50.0 < found[0][1] <= found[1][1] < 20_000.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("curve", CURVES, ids=lambda curve: curve.size)
 def test_every_curve_can_be_measured(curve: Curve) -> None:
