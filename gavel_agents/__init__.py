@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from gavel_agents.understanding import Understanding, load_understanding
     from gavel_agents.verification import Verified
     from gavel_env.instructions.record import Instruction
-    from gavel_env.world_model.actions import Action
     from gavel_env.world_model.dynamics import Profile
+    from gavel_env.world_model.goals import GoalText
+    from gavel_env.world_model.graph import SceneGraph
     from gavel_env.world_model.ontology import Ontology
     from gavel_env.world_model.verdict import CostFunction
 
@@ -225,16 +226,29 @@ def _understanding(name: str, planner: ChatModel | None) -> Understanding:
 def verify(
     *,
     scene: str | Path | None = None,
-    instruction: str | Path | Mapping[str, Any] | Instruction,
-    plan: str | Sequence[str] | Sequence[Action],
+    instruction: str | Path | Mapping[str, Any] | Instruction | None = None,
+    graph: SceneGraph | str | Path | Mapping[str, Any] | None = None,
+    goal: GoalText | None = None,
+    plan: str | Sequence[Any],
     repair: bool = True,
+    strict: bool = True,
     profile: Profile | str = "paper",
     cost: CostFunction | None = None,
 ) -> Verified:
-    """Check a plan against an instruction in its house, and repair it as far as graph and goal determine how.
+    """Check a plan against an instruction in its house, or a goal on one's own graph, and repair it.
 
     Arguments and errors are those of `gavel_agents.verification.verify`.
     """
     from gavel_agents.verification import verify as run
 
-    return run(scene=scene, instruction=instruction, plan=plan, repair=repair, profile=profile, cost=cost)
+    return run(
+        scene=scene,
+        instruction=instruction,
+        graph=graph,
+        goal=goal,
+        plan=plan,
+        repair=repair,
+        strict=strict,
+        profile=profile,
+        cost=cost,
+    )

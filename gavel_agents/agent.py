@@ -10,7 +10,7 @@ import msgspec
 
 from gavel_env.exchange import EnvAction
 
-__all__ = ["Agent", "AgentTrace", "Privileged", "TaskTrace", "stage"]
+__all__ = ["Agent", "AgentTrace", "Privileged", "TaskTrace", "says_valid", "stage"]
 
 
 class TaskTrace(msgspec.Struct, kw_only=True):
@@ -25,7 +25,9 @@ class TaskTrace(msgspec.Struct, kw_only=True):
         proposed_verdict: "valid", or the first thing that is wrong with the proposal before any repair.
         plan: the plan after repair; what is executed.
         edits: what repair did, one line per edit.
-        verdict: "valid", or the first thing that is wrong with `plan`.
+        verdict: "valid", or the first thing that is wrong with `plan`. After it, in brackets, what of the answer looked
+            like a step and could not be read; see `says_valid`.
+        unread: those pieces of the answer.
     """
 
     text: str
@@ -37,6 +39,12 @@ class TaskTrace(msgspec.Struct, kw_only=True):
     plan: tuple[str, ...] = ()
     edits: tuple[str, ...] = ()
     verdict: str = ""
+    unread: tuple[str, ...] = ()
+
+
+def says_valid(verdict: str) -> bool:
+    """Return whether a verdict of a `TaskTrace` says that the plan as read is valid."""
+    return verdict.partition(" [")[0] == "valid"
 
 
 class AgentTrace(msgspec.Struct, kw_only=True):

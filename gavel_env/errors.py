@@ -18,9 +18,11 @@ __all__ = [
     "BadPlugin",
     "BadRobotConfig",
     "BadSearchPrior",
+    "CategoryError",
     "DataError",
     "EndpointError",
     "GavelError",
+    "GraphError",
     "InstructionError",
     "MalformedAction",
     "MalformedGoal",
@@ -33,6 +35,7 @@ __all__ = [
     "RunStopped",
     "SceneError",
     "TooManyNodes",
+    "UndeclaredCategory",
     "Unencodable",
     "Ungroundable",
     "UnknownActivity",
@@ -65,6 +68,14 @@ class SceneError(DataError):
 
 class InstructionError(DataError):
     """An instruction record is malformed, or does not fit its scene."""
+
+
+class GraphError(DataError):
+    """A graph file is malformed or contradicts itself; the message says where in the file."""
+
+
+class CategoryError(DataError):
+    """A table of one's own categories is malformed; the message says where in it."""
 
 
 class MalformedAction(GavelError):
@@ -114,6 +125,18 @@ class UnknownCategory(_UnknownName):
     """The ontology has no such category."""
 
     what = "category"
+
+
+class UndeclaredCategory(UnknownCategory):
+    """A graph of one's own names a category that is not known; the message shows the lines that add it."""
+
+    def __init__(self, name: str, known: Iterable[str], place: str = "") -> None:
+        super().__init__(name, known, place)
+        alike = sorted((k for k in known if set(k.split("_")) & set(name.split("_"))), key=lambda k: (len(k), k))
+        like = [*alike, *self.nearest, "bottle"][0]
+        lines = (f"[categories.{name}]", f'like = "{like}"', f'words = ["{name.replace("_", " ")}"]')
+        own = "\n".join(f"    {line}" for line in lines)
+        self.args = (f"{self.args[0]}\nOr add it to a category file, with what it is like:\n{own}",)
 
 
 class UnknownConcept(_UnknownName):

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from eval.records.schema import EpisodeRecord
-from gavel_agents.agent import TaskTrace
+from gavel_agents.agent import TaskTrace, says_valid
 
 __all__ = ["CAUSES", "STAGES", "Waterfall", "cause", "waterfall"]
 
@@ -87,4 +87,4 @@ def _attempts(record: EpisodeRecord) -> tuple[Sequence[TaskTrace], Sequence[Task
 
 
 def _right(tasks: Sequence[TaskTrace], verdict: str) -> bool:
-    return bool(tasks) and all((getattr(task, verdict) or task.verdict) == "valid" for task in tasks)
+    return bool(tasks) and all(says_valid(getattr(task, verdict) or task.verdict) for task in tasks)

@@ -11,7 +11,7 @@ from eval.records.schema import OUTCOMES, Step
 from eval.sentence.drive import Moment
 from eval.sentence.run import SentenceRun
 from eval.sentence.staging import Put
-from gavel_agents.agent import TaskTrace
+from gavel_agents.agent import TaskTrace, says_valid
 from gavel_agents.understanding import Decomposition, Question
 from gavel_env.world_model.actions import Primitive, parse_action
 from gavel_env.world_model.goals import Goal, Literal, Predicate, parse_literal
@@ -137,7 +137,7 @@ def _tell_task(task: TaskTrace, named: bool, console: Console) -> None:
     _line(console, steps or "(nothing to do)")
     for edit in task.edits:
         _line(console, (f"repaired: {edit}", "yellow"))
-    _line(console, (task.verdict, "green" if task.verdict == "valid" else "red"))
+    _line(console, (task.verdict, "green" if says_valid(task.verdict) else "red"))
 
 
 _VERBS = {

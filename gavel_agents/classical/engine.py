@@ -10,7 +10,7 @@ from gavel_agents.classical.search import Found, handy
 from gavel_env.errors import NotExpressible
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile, apply
-from gavel_env.world_model.goals import Goal
+from gavel_env.world_model.goals import GoalText, as_goal
 from gavel_env.world_model.graph import SceneGraph
 from gavel_env.world_model.planning_task import (
     Expression,
@@ -28,7 +28,7 @@ TIME_LIMIT_S = 60.0
 """Wall-clock seconds for one task."""
 
 
-def solve(graph: SceneGraph, goal: Goal, profile: Profile = Profile.PAPER, limit_s: float = TIME_LIMIT_S) -> Found:
+def solve(graph: SceneGraph, goal: GoalText, profile: Profile = Profile.PAPER, limit_s: float = TIME_LIMIT_S) -> Found:
     """Return the first plan that Fast Downward's LAMA finds for a goal.
 
     Args:
@@ -37,6 +37,7 @@ def solve(graph: SceneGraph, goal: Goal, profile: Profile = Profile.PAPER, limit
         profile: rules profile.
         limit_s: seconds after which it gives up.
     """
+    goal = as_goal(goal)
     from unified_planning.engines import PlanGenerationResultStatus as Status
     from unified_planning.shortcuts import OneshotPlanner
 

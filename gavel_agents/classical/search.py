@@ -18,7 +18,7 @@ from gavel_agents.classical.estimate import HOPELESS, estimate
 from gavel_agents.classical.needs import Needs
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile, apply, first_violation, unsafe
-from gavel_env.world_model.goals import Goal, unmet
+from gavel_env.world_model.goals import GoalText, as_goal, unmet
 from gavel_env.world_model.graph import Flag, SceneGraph
 
 __all__ = ["MOST_STATES", "Found", "handy", "search"]
@@ -60,7 +60,9 @@ class _Node(NamedTuple):
         return tuple(reversed(steps))
 
 
-def search(graph: SceneGraph, goal: Goal, profile: Profile = Profile.PAPER, most_states: int = MOST_STATES) -> Found:
+def search(
+    graph: SceneGraph, goal: GoalText, profile: Profile = Profile.PAPER, most_states: int = MOST_STATES
+) -> Found:
     """Search for a valid plan: applicable, goal met, and safe at its end.
 
     Args:
@@ -69,6 +71,7 @@ def search(graph: SceneGraph, goal: Goal, profile: Profile = Profile.PAPER, most
         profile: rules profile.
         most_states: states to expand at most.
     """
+    goal = as_goal(goal)
     needs = Needs(graph, goal, profile)
     start = _Node(graph, None, None, None, 0)
     first = estimate(needs, graph, handy(graph, None))

@@ -17,15 +17,16 @@ from gavel_agents.edits.pruning import prune
 from gavel_agents.edits.rule import Case, Change, Edit
 from gavel_agents.edits.violations import VIOLATION_RULES
 from gavel_env.world_model.dynamics import Profile
-from gavel_env.world_model.goals import Goal, Literal, unmet
+from gavel_env.world_model.goals import GoalText, Literal, as_goal, unmet
 from gavel_env.world_model.graph import Flag
 from gavel_env.world_model.verdict import Verdict
 
 __all__ = ["LITERAL_RULES", "SAFETY_RULES", "VIOLATION_RULES", "Case", "Change", "Edit", "offers", "prune"]
 
 
-def offers(verdict: Verdict, goal: Goal, profile: Profile = Profile.PAPER) -> Iterator[Edit]:
+def offers(verdict: Verdict, goal: GoalText, profile: Profile = Profile.PAPER) -> Iterator[Edit]:
     """Yield the model-derived edits of a verdict's plan, best first; none = left to the model."""
+    goal = as_goal(goal)
     if goal.conditions:
         goal = grounded(goal, verdict)
         verdict = msgspec.structs.replace(verdict, unmet=unmet(goal, verdict.end))

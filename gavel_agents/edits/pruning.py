@@ -12,7 +12,7 @@ from typing import NamedTuple
 from gavel_agents.edits.rule import Edit, drop
 from gavel_env.world_model.actions import Primitive
 from gavel_env.world_model.dynamics import Profile
-from gavel_env.world_model.goals import Goal
+from gavel_env.world_model.goals import Goal, GoalText, as_goal
 from gavel_env.world_model.graph import SceneGraph, Support
 from gavel_env.world_model.verdict import CostFunction, Verdict, validate
 
@@ -36,7 +36,7 @@ class Cut(NamedTuple):
 
 def prune(
     verdict: Verdict,
-    goal: Goal,
+    goal: GoalText,
     *,
     cost: CostFunction | None = None,
     profile: Profile = Profile.PAPER,
@@ -49,6 +49,7 @@ def prune(
         cost: as in `validate`.
         profile: rules profile.
     """
+    goal = as_goal(goal)
     edits: list[Edit] = []
     while True:
         shorter = _first_good_cut(verdict, goal, cost, profile)

@@ -17,7 +17,7 @@ import msgspec
 from gavel_agents.edits import Edit, offers, prune
 from gavel_env.world_model.actions import Action
 from gavel_env.world_model.dynamics import Profile
-from gavel_env.world_model.goals import Goal
+from gavel_env.world_model.goals import GoalText, as_goal
 from gavel_env.world_model.graph import SceneGraph
 from gavel_env.world_model.verdict import CostFunction, Plan, Verdict, validate
 
@@ -50,7 +50,7 @@ class Repaired(msgspec.Struct, frozen=True):
 def repair(
     graph: SceneGraph,
     plan: Sequence[Action],
-    goal: Goal,
+    goal: GoalText,
     *,
     cost: CostFunction | None = None,
     profile: Profile = Profile.PAPER,
@@ -62,7 +62,7 @@ def repair(
     Args:
         graph: believed (or hidden) graph G.
         plan: pi.
-        goal: g.
+        goal: g; a `Goal`, text or a list of texts.
         cost: gives omega.d; default: number of navigations.
         profile: rules profile.
         shorten: prune a valid plan.
@@ -71,7 +71,7 @@ def repair(
     Returns:
         The best candidate by rk, never below the proposal; valid only if its verdict says so.
     """
-    plan = tuple(plan)
+    plan, goal = tuple(plan), as_goal(goal)
     best = before = verdict = validate(graph, plan, goal, cost=cost, profile=profile)
     seen = {plan}
     edits: list[Edit] = []

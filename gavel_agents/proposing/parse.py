@@ -32,11 +32,13 @@ class Dropped(msgspec.Struct, frozen=True):
         line: 1-based line of the answer; 0 for an entry of a JSON answer.
         text: what stood there, at most 120 characters.
         reason: why it is no action.
+        task: 1-based index of the plan in which it stood.
     """
 
     line: int
     text: str
     reason: str
+    task: int = 1
 
 
 class ParsedPlans(msgspec.Struct, frozen=True):
@@ -46,11 +48,13 @@ class ParsedPlans(msgspec.Struct, frozen=True):
         plans: one plan per task, in the order of the tasks; missing ones are empty.
         dropped: what was left out.
         problem: why no plan could be read, or empty.
+        is_json: whether they were read from JSON rather than from lines.
     """
 
     plans: tuple[Plan, ...]
     dropped: tuple[Dropped, ...] = ()
     problem: str = ""
+    is_json: bool = False
 
     @property
     def plan(self) -> Plan:
@@ -109,13 +113,14 @@ def parse_plans(text: str, graph: SceneGraph | None = None, tasks: int | None = 
     data = _find_json(body)
     if data is not None:
         _read_tasks(data, plans, dropped)
-    if not any(plans.values()):
+    is_json = any(plans.values())
+    if not is_json:
         plans, dropped = {}, []
         _read_lines(body, plans, dropped)
     if beyond > 0:
         dropped.append(Dropped(0, f"… {beyond} characters", f"only the first {MOST_CHARACTERS} are read"))
     problem = "" if any(plans.values()) else "no action in the answer"
-    parsed = _finish(plans, dropped, tasks, problem)
+    parsed = msgspec.structs.replace(_finish(plans, dropped, tasks, problem), is_json=is_json)
     if graph is None:
         return parsed
     return msgspec.structs.replace(parsed, plans=tuple(resolve(graph, plan) for plan in parsed.plans))
@@ -124,9 +129,12 @@ def parse_plans(text: str, graph: SceneGraph | None = None, tasks: int | None = 
 def _finish(plans: dict[int, list[Action]], dropped: list[Dropped], tasks: int | None, problem: str) -> ParsedPlans:
     """Order plans by task number and make their count what was asked for."""
     if tasks is None or not all(1 <= number <= tasks for number in plans):
-        ordered = [plans[number] for number in sorted(plans)]
+        order = sorted(plans)
     else:
-        ordered = [plans.get(number, []) for number in range(1, tasks + 1)]
+        order = list(range(1, tasks + 1))
+    ordered = [plans.get(number, []) for number in order]
+    places = {number: place for place, number in enumerate(order, start=1)}
+    dropped = [msgspec.structs.replace(d, task=min(places.get(d.task, 1), tasks or len(order) or 1)) for d in dropped]
     if tasks is not None:
         if len(ordered) > tasks:
             head, rest = ordered[: tasks - 1], ordered[tasks - 1 :]
@@ -161,7 +169,7 @@ def _read_lines(body: str, plans: dict[int, list[Action]], dropped: list[Dropped
         if actions:
             plans.setdefault(task, []).extend(actions)
         if reason:
-            dropped.append(Dropped(number, line.strip()[:120], reason))
+            dropped.append(Dropped(number, line.strip()[:120], reason, task))
 
 
 # --- JSON ----------------------------------------------------------------------------------------------------------
@@ -194,15 +202,16 @@ def _read_tasks(data: Any, plans: dict[int, list[Action]], dropped: list[Dropped
                 number = _NUMBER.search(str(key))
                 if isinstance(value, list | dict):
                     task = int(number.group()) if number else position
-                    _read_steps(_unwrapped(value), plans.setdefault(task, []), dropped)
+                    _read_steps(_unwrapped(value), task, plans, dropped)
                 else:
                     dropped.append(Dropped(0, f"{key}: {value}"[:120], "neither a plan nor a list of actions"))
             return
     if isinstance(data, list) and data and all(_is_plan(entry) for entry in data):
         for position, entry in enumerate(data, start=1):
-            _read_steps(_unwrapped(entry), plans.setdefault(position, []), dropped)
+            _read_steps(_unwrapped(entry), position, plans, dropped)
         return
-    _read_steps(data if isinstance(data, list) else [data], plans.setdefault(1, []), dropped)
+    alone = not isinstance(data, list) or (len(data) == 2 and isinstance(data[0], str) and data[1] is None)
+    _read_steps([data] if alone else data, 1, plans, dropped)
 
 
 def _is_plan(entry: Any) -> bool:
@@ -211,7 +220,14 @@ def _is_plan(entry: Any) -> bool:
         return any(isinstance(entry.get(key), list) for key in _PLAN_KEYS)
     if not isinstance(entry, list):
         return False
-    return not (entry and all(isinstance(e, str) for e in entry) and from_parts(entry[0], entry[1:]) is not None)
+    return _of_pair(entry) is None
+
+
+def _of_pair(entry: list[Any]) -> Action | None:
+    """Return the action of a list `[verb, target, …]`, whose targets may be null; None if it is not one."""
+    if not entry or not isinstance(entry[0], str) or not all(part is None or isinstance(part, str) for part in entry):
+        return None
+    return from_parts(entry[0], [part for part in entry[1:] if part])
 
 
 def _unwrapped(entry: Any) -> list[Any]:
@@ -228,21 +244,22 @@ def _verb(entry: dict[Any, Any]) -> str | None:
     return found if found is None else str(found)
 
 
-def _read_steps(steps: Sequence[Any], plan: list[Action], dropped: list[Dropped]) -> None:
+def _read_steps(steps: Sequence[Any], task: int, plans: dict[int, list[Action]], dropped: list[Dropped]) -> None:
+    plan = plans.setdefault(task, [])
     for step in steps:
         actions, reason = _read_step(step)
         plan.extend(actions)
         if reason:
-            dropped.append(Dropped(0, str(step)[:120], reason))
+            dropped.append(Dropped(0, str(step)[:120], reason, task))
 
 
 def _read_step(step: Any) -> tuple[list[Action], str]:
     """Return the actions of one JSON entry, and why it has none."""
     if isinstance(step, str):
         return read_line(without_bullet(step))
-    if isinstance(step, list) and step and all(isinstance(part, str) for part in step):
-        action = from_parts(step[0], step[1:])
-        return ([action], "") if action is not None else ([], f"no primitive {step[0]!r}")
+    if isinstance(step, list) and step and isinstance(step[0], str):
+        action = _of_pair(step)
+        return ([action], "") if action is not None else ([], f"no primitive, or no target, in {step[0]!r}")
     if isinstance(step, dict):
         verb = _verb(step)
         if verb is None and len(step) == 1:

@@ -13,8 +13,9 @@ from gavel_agents.edits.repair import repair
 from gavel_agents.llm import ChatModel, Message, PlanningProblem, Prompt
 from gavel_agents.methods import MethodConfig
 from gavel_agents.proposing.complaint import complain
-from gavel_agents.proposing.parse import parse_plans
+from gavel_agents.proposing.parse import Dropped, parse_plans
 from gavel_agents.proposing.prompts import plan_prompt, retry_prompt
+from gavel_agents.proposing.unread import steps_among
 from gavel_agents.understanding import TaskUnderstanding
 from gavel_env.instructions.lookup import About
 from gavel_env.world_model.dynamics import Profile
@@ -66,7 +67,7 @@ def proposed_plans(problem: Problem, config: MethodConfig, model: ChatModel, tra
     for attempt in range(config.attempts):
         answer = _ask(model, Prompt(prompt, problem.about, attempt, seed=problem.seed, problem=structured), trace)
         parsed = parse_plans(answer, problem.graph, len(problem.tasks))
-        planned = _judge(problem, parsed.plans, trace, repairing=config.repair)
+        planned = _judge(problem, parsed.plans, trace, repairing=config.repair, dropped=parsed.dropped)
         if all(verdict.valid for verdict in planned.verdicts) or not config.feedback:
             break
         complaint = complain(planned.verdicts, goals, parsed, problem.profile)
@@ -92,13 +93,16 @@ def _edit_goal(goal: Goal) -> Goal:
     return Goal(tuple(lit for lit in goal.literals if lit.predicate.flag in (None, Flag.OPEN, Flag.TOGGLED)))
 
 
-def _judge(problem: Problem, plans: Sequence[Plan], trace: AgentTrace, *, repairing: bool) -> Planned:
+def _judge(
+    problem: Problem, plans: Sequence[Plan], trace: AgentTrace, *, repairing: bool, dropped: Sequence[Dropped] = ()
+) -> Planned:
     """Repair (if the method does) and validate one plan per task; a task without a plan has the empty one."""
     planned = Planned()
     if trace.tasks:
         trace.earlier.append(trace.tasks)
     trace.tasks = []
-    for task, proposed in zip(problem.tasks, plans, strict=True):
+    for number, (task, proposed) in enumerate(zip(problem.tasks, plans, strict=True), start=1):
+        unread = steps_among(dropped, number)
         edits: tuple[str, ...] = ()
         if repairing:
             with stage(trace, "repair"):
@@ -121,10 +125,11 @@ def _judge(problem: Problem, plans: Sequence[Plan], trace: AgentTrace, *, repair
                 objects=tuple(str(designator) for designator in task.objects),
                 relations=tuple(str(relation) for relation in task.relations),
                 proposed=tuple(str(action) for action in proposed),
-                proposed_verdict=_summary(before),
+                proposed_verdict=_summary(before, unread),
                 plan=tuple(str(action) for action in plan),
                 edits=edits,
-                verdict=_summary(verdict),
+                verdict=_summary(verdict, unread),
+                unread=unread,
             )
         )
     return planned
@@ -155,8 +160,13 @@ def _quote(plans: Sequence[Plan]) -> str:
     return "\n".join(lines)
 
 
-def _summary(verdict: Verdict) -> str:
-    """Return "valid" or the first thing that is wrong."""
+def _summary(verdict: Verdict, unread: Sequence[str] = ()) -> str:
+    """Return "valid" or the first thing that is wrong, then what of the answer could not be read as a step."""
+    vanished = f" [not read: {'; '.join(unread)}]" if unread else ""
+    return _fault(verdict) + vanished
+
+
+def _fault(verdict: Verdict) -> str:
     if verdict.violation is not None:
         return f"step {verdict.violation.step}: {verdict.violation}"
     if verdict.unmet:

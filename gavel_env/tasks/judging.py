@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from gavel_env.world_model.actions import Action
 from gavel_env.world_model.dynamics import Profile, rollout
-from gavel_env.world_model.goals import Goal
+from gavel_env.world_model.goals import GoalText, as_goal
 from gavel_env.world_model.graph import Flag, SceneGraph
 from gavel_env.world_model.verdict import shortfall
 
@@ -30,8 +30,9 @@ class Ending(NamedTuple):
     graph: SceneGraph
 
 
-def judge(graph: SceneGraph, plan: Sequence[Action], goal: Goal, profile: Profile = Profile.PAPER) -> Ending:
+def judge(graph: SceneGraph, plan: Sequence[Action], goal: GoalText, profile: Profile = Profile.PAPER) -> Ending:
     """Return how a plan ends: its first violation, else what is unmet, else what is left open or on, else valid."""
+    goal = as_goal(goal)
     end, violation = rollout(graph, plan, profile)
     if violation is not None:
         return Ending(violation.kind.value, violation.step, violation.subject, end)

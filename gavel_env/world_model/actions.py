@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from gavel_env.errors import MalformedAction, nearest_names
 
-__all__ = ["Action", "Primitive", "normalise_name", "parse_action"]
+__all__ = ["Action", "Primitive", "nearest_primitives", "normalise_name", "parse_action"]
 
 
 class Primitive(enum.IntEnum):
@@ -120,6 +120,12 @@ def _without_end(arguments: str) -> str:
     if arguments.endswith((";", ".", ",")):
         arguments = arguments[:-1].rstrip()
     return arguments[:-1].rstrip() if arguments.endswith((")", "]")) else arguments
+
+
+def nearest_primitives(verb: str, count: int = 3) -> tuple[Primitive, ...]:
+    """Return the primitives whose names, or other words for them, look like a verb, best first."""
+    found = nearest_names(re.sub(r"[\s_\-]+", "", verb).lower(), _NAMES, count)
+    return tuple(dict.fromkeys(_NAMES[name] for name in found))
 
 
 def _split_words(text: str) -> tuple[str, str]:

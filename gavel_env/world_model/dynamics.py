@@ -14,7 +14,7 @@ from typing import NamedTuple
 import msgspec
 
 from gavel_env.world_model.actions import Action, Primitive
-from gavel_env.world_model.goals import Goal
+from gavel_env.world_model.goals import GoalText, as_goal
 from gavel_env.world_model.graph import Flag, Relation, SceneGraph, Support
 
 __all__ = [
@@ -349,12 +349,13 @@ def apply(graph: SceneGraph, action: Action) -> SceneGraph:
     return RULES[action.primitive].effect(graph, action.target or "")
 
 
-def unsafe(start: SceneGraph, end: SceneGraph, goal: Goal) -> tuple[tuple[Flag, str], ...]:
+def unsafe(start: SceneGraph, end: SceneGraph, goal: GoalText) -> tuple[tuple[Flag, str], ...]:
     """Return what breaks safe(a_0..a_H-1): (OPEN, x) for doors left open, (TOGGLED, x) for appliances left on.
 
     Only what the plan itself opened or switched on counts, only safety-critical appliances must be off, and what the
     goal asks to be open or on may stay so. Empty = safe.
     """
+    goal = as_goal(goal)
     left: list[tuple[Flag, str]] = []
     for flag in (Flag.OPEN, Flag.TOGGLED):
         for obj in sorted(end.flags[flag] - start.flags[flag]):

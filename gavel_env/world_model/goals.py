@@ -13,15 +13,28 @@ import enum
 import itertools
 import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeAlias
 
 import msgspec
 
-from gavel_env.errors import MalformedGoal, nearest_names
+from gavel_env.errors import MalformedGoal, UnknownObject, nearest_names
 from gavel_env.world_model.actions import normalise_name
 from gavel_env.world_model.graph import Flag, Relation, Room, SceneGraph
 
-__all__ = ["Condition", "Designator", "Goal", "Literal", "Predicate", "fitting", "parse_goal", "parse_literal", "unmet"]
+__all__ = [
+    "Condition",
+    "Designator",
+    "Goal",
+    "GoalText",
+    "Literal",
+    "Predicate",
+    "as_goal",
+    "check_goal",
+    "fitting",
+    "parse_goal",
+    "parse_literal",
+    "unmet",
+]
 
 
 class Predicate(enum.Enum):
@@ -164,6 +177,8 @@ def parse_literal(text: str) -> Literal:
     Raises:
         MalformedGoal: with the text, and what is wrong with it.
     """
+    if not isinstance(text, str):
+        raise MalformedGoal(f"goal literal {text!r} is not text")
     match = _LITERAL.match(text)
     if match is None or not match.group(3).strip() or not (match.group(4) or "x").strip():
         raise MalformedGoal(f"goal {text[:80]!r} is no literal; write predicate(subject) or predicate(subject, object)")
@@ -180,13 +195,63 @@ def parse_literal(text: str) -> Literal:
     return Literal(predicate, Designator.parse(subject), obj, negation is not None)
 
 
-def parse_goal(literals: Iterable[str]) -> Goal:
-    """Read a goal from its literals in text form.
+GoalText: TypeAlias = "Goal | Literal | str | Iterable[str | Literal]"
+"""What is taken as a goal wherever one is asked for: see `as_goal`."""
+
+_JOINS = re.compile(r"(?<=\))\s*(?:,|;|&+|\n|\band\b)\s*", re.IGNORECASE)
+
+
+def parse_goal(literals: str | Iterable[str]) -> Goal:
+    """Read a goal from its literals in text form: a list of them, or one text with commas, `and` or `&` between them.
 
     Raises:
         MalformedGoal: as `parse_literal`.
     """
-    return Goal(tuple(parse_literal(text) for text in literals))
+    texts = [part for part in _JOINS.split(literals) if part.strip()] if isinstance(literals, str) else literals
+    return Goal(tuple(parse_literal(text) for text in texts))
+
+
+def as_goal(goal: GoalText) -> Goal:
+    """Return a goal that is given as one, as text (`"on_top(vial, rack), not dirty(vial)"`), or as literals.
+
+    Raises:
+        MalformedGoal: as `parse_literal`; or nothing is asked for.
+    """
+    if isinstance(goal, Goal):
+        return goal
+    if isinstance(goal, Literal):
+        return Goal((goal,))
+    if isinstance(goal, str):
+        read = parse_goal(goal)
+    else:
+        try:
+            read = Goal(tuple(part if isinstance(part, Literal) else parse_literal(part) for part in goal))
+        except TypeError:
+            raise MalformedGoal(f"goal {goal!r} is not text, a list of texts or a Goal") from None
+    if not read.literals:
+        raise MalformedGoal("the goal asks for nothing; write predicate(subject) or predicate(subject, object)")
+    return read
+
+
+def check_goal(goal: Goal, graph: SceneGraph) -> None:
+    """Check that every literal of a goal speaks of something that the graph has.
+
+    Raises:
+        UnknownObject: with the nearest names.
+    """
+    world = graph.world
+    rooms = {r.id for r in world.rooms.values()} | {r.type for r in world.rooms.values()}
+    for literal in goal.literals:
+        for designator in (literal.subject, literal.object):
+            if designator is None or fitting(graph, designator):
+                continue
+            if literal.predicate is Predicate.IN_ROOM and designator is literal.object:
+                if not any(room.fits(str(designator)) for room in world.rooms.values()):
+                    raise UnknownObject(str(designator), rooms, f"the goal {literal}")
+                continue
+            if designator.room is not None and world.instances(designator.name):
+                continue
+            raise UnknownObject(str(designator), {*world.nodes, *world.by_category}, f"the goal {literal}")
 
 
 def fitting(graph: SceneGraph, designator: Designator) -> tuple[str, ...]:
@@ -252,12 +317,13 @@ def _holds(graph: SceneGraph, literal: Literal, bound: Mapping[Designator, str])
 _MOST_BINDINGS = 20_000
 
 
-def unmet(goal: Goal, graph: SceneGraph) -> tuple[Literal | Condition, ...]:
+def unmet(goal: GoalText, graph: SceneGraph) -> tuple[Literal | Condition, ...]:
     """Return the conditions of `goal` that do not hold in `graph`, in the order written; empty = the goal is met.
 
     Subjects with several fitting instances are bound to the instances that leave the fewest literals unmet (the first
     such binding in graph order; at most 20,000 bindings are tried).
     """
+    goal = as_goal(goal)
     positive = dict.fromkeys(lit.subject for lit in goal.literals if not lit.negated)
     choices = {d: found for d in positive if (found := fitting(graph, d))}
     open_choices = {d: found for d, found in choices.items() if len(found) > 1}

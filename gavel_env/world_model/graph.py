@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
 import msgspec
@@ -15,7 +16,8 @@ import networkx as nx
 
 from gavel_env.frozen import frozen
 from gavel_env.world_model.concepts import default_concepts, is_concept
-from gavel_env.world_model.ontology import Category
+from gavel_env.world_model.layout import NO_LAYOUT, Layout
+from gavel_env.world_model.ontology import Category, Ontology
 
 __all__ = ["Flag", "Node", "Relation", "Room", "SceneGraph", "Support", "World"]
 
@@ -100,15 +102,22 @@ class World(msgspec.Struct, frozen=True):
     connections: frozenset[tuple[str, str]]
     nodes: Mapping[str, Node]
     by_category: Mapping[str, tuple[str, ...]]
+    layout: Layout = NO_LAYOUT
 
     @classmethod
-    def of(cls, rooms: Mapping[str, Room], connections: frozenset[tuple[str, str]], nodes: Mapping[str, Node]) -> World:
+    def of(
+        cls,
+        rooms: Mapping[str, Room],
+        connections: frozenset[tuple[str, str]],
+        nodes: Mapping[str, Node],
+        layout: Layout = NO_LAYOUT,
+    ) -> World:
         """Build a world and its category index."""
         index: dict[str, list[str]] = {}
         for node in nodes.values():
             index.setdefault(node.category.name, []).append(node.id)
         by_category = {name: tuple(ids) for name, ids in index.items()}
-        return cls(frozen(rooms), connections, frozen(nodes), frozen(by_category))
+        return cls(frozen(rooms), connections, frozen(nodes), frozen(by_category), layout)
 
     def instances(self, name: str) -> tuple[str, ...]:
         """Return the objects of a category or of a concept (`any_cabinet`), in the graph's order."""
@@ -243,7 +252,8 @@ class SceneGraph(msgspec.Struct, frozen=True):
 
     def with_nodes(self, nodes: Mapping[str, Node]) -> SceneGraph:
         """Return the graph with more objects known; their locations are unknown until placed."""
-        world = World.of(self.world.rooms, self.world.connections, _merged(self.world.nodes, nodes))
+        nodes = _merged(self.world.nodes, nodes)
+        world = World.of(self.world.rooms, self.world.connections, nodes, self.world.layout)
         return msgspec.structs.replace(self, world=world)
 
     def edges(self) -> Iterator[tuple[str, str, str]]:
@@ -267,17 +277,59 @@ class SceneGraph(msgspec.Struct, frozen=True):
         if self.robot_room is not None:
             yield "room_inside", ROBOT, self.robot_room
 
+    @classmethod
+    def from_json(cls, source: str | bytes | Path | Mapping[str, Any], ontology: Ontology | None = None) -> SceneGraph:
+        """Read a graph of one's own (format `gavel-graph/1`, docs/worlds.md).
+
+        Args:
+            source: path of a file, the JSON itself, or what it says as a mapping.
+            ontology: the categories known; default the shipped ones. A file may add its own.
+
+        Raises:
+            GraphError: unreadable or malformed, with the path inside the file.
+            UndeclaredCategory: a category is not known; with the lines that would add it.
+        """
+        from gavel_env.world_model.graph_file import graph_from_json
+
+        return graph_from_json(source, ontology)
+
+    def to_json(self) -> str:
+        """Return the graph as JSON that `from_json` reads, own categories and layout included."""
+        from gavel_env.world_model.graph_file import graph_to_json
+
+        return graph_to_json(self)
+
+    @classmethod
+    def from_networkx(cls, graph: nx.Graph[Any], ontology: Ontology | None = None) -> SceneGraph:
+        """Read a graph in the form of `to_networkx`; what is optional there may be missing.
+
+        Raises:
+            GraphError, UndeclaredCategory: as `from_json`.
+        """
+        from gavel_env.world_model.networkx_graph import graph_from_networkx
+
+        return graph_from_networkx(graph, ontology)
+
     def to_networkx(self) -> nx.MultiDiGraph[str]:
-        """Return the graph as a networkx multigraph; nodes carry `kind`, `category` and `flags`, edges `relation`."""
+        """Return the graph as a networkx multigraph; nodes carry `kind`, `category` and `flags`, edges `relation`.
+
+        What the layout knows is there too: nodes carry `position` and `footprint`, `room_connect` edges `distance_m`.
+        `from_networkx` reads it back.
+        """
+        layout = self.world.layout
         out: nx.MultiDiGraph[str] = nx.MultiDiGraph()
         for room in self.world.rooms.values():
             out.add_node(room.id, kind="room", category=room.type, flags=())
         for node in self.world.nodes.values():
             held = tuple(flag.name.lower() for flag in Flag if node.id in self.flags[flag])
-            out.add_node(node.id, kind="object", category=node.category.name, flags=held)
+            out.add_node(node.id, kind="object", category=node.category.name, flags=held, fixed=node.fixed)
         out.add_node(ROBOT, kind="robot", category=ROBOT, flags=())
+        for name, known in (("position", layout.positions), ("footprint", layout.footprints)):
+            nx.set_node_attributes(out, {node: value for node, value in known.items() if node in out}, name)
         for relation, a, b in self.edges():
             attributes: dict[str, Any] = {"relation": relation}
+            if relation == "room_connect" and (a, b) in layout.distances_m:
+                attributes["distance_m"] = layout.distances_m[(a, b)]
             out.add_edge(a, b, key=relation, **attributes)
         return out
 

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
@@ -176,6 +176,21 @@ class Ontology(Mapping[str, Category]):
         if not found:
             raise UnknownConcept(name, self.concepts.things, "this ontology")
         return found
+
+    def extend(self, table: Mapping[str, Any] | Path, place: str = "categories") -> Ontology:
+        """Return this ontology with categories of one's own, or with others of the same name.
+
+        Args:
+            table: name -> fields (`{"vial": {"like": "bottle", "words": ["test tube"]}}`), or the path of a TOML or
+                JSON file that has it under `categories`. Fields: `own_categories.OwnCategory`.
+            place: where the table stands, for errors.
+
+        Raises:
+            CategoryError: malformed, with the path inside the table.
+        """
+        from gavel_env.world_model.own_categories import extended
+
+        return extended(self, table, place)
 
     def knows(self, name: str) -> bool:
         """Return whether a name is that of a category or of a concept over categories."""

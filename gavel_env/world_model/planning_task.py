@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile
-from gavel_env.world_model.goals import Goal
+from gavel_env.world_model.goals import GoalText, as_goal
 from gavel_env.world_model.graph import Flag, Relation, SceneGraph
 from gavel_env.world_model.planning_goal import Expression, GoalWriter, state_name
 
@@ -76,7 +76,7 @@ def household_domain() -> str:
 
 
 def planning_task(
-    graph: SceneGraph, goal: Goal, profile: Profile = Profile.PAPER, objects: Collection[str] | None = None
+    graph: SceneGraph, goal: GoalText, profile: Profile = Profile.PAPER, objects: Collection[str] | None = None
 ) -> PlanningTask:
     """Return the task of reaching a goal from a state.
 
@@ -89,6 +89,7 @@ def planning_task(
     Raises:
         NotExpressible: a condition of the goal cannot be written.
     """
+    goal = as_goal(goal)
     kept = [o for o in graph.world.nodes if objects is None or o in objects]
     names = _names([*kept, *graph.world.rooms])
     written = {identifier: name for name, identifier in names.items()}

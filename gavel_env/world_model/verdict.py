@@ -14,7 +14,7 @@ import msgspec
 from gavel_env.errors import nearest_names
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile, Violation, ViolationKind, apply, first_violation, unsafe
-from gavel_env.world_model.goals import Condition, Goal, Literal, unmet
+from gavel_env.world_model.goals import Condition, GoalText, Literal, as_goal, unmet
 from gavel_env.world_model.graph import Flag, SceneGraph
 
 __all__ = ["CostFunction", "Plan", "Rank", "Shortfall", "Verdict", "navigations", "shortfall", "validate"]
@@ -55,8 +55,9 @@ class Shortfall(NamedTuple):
         return missing + [f"{left[flag]}: {obj}" for flag, obj in self.unsafe]
 
 
-def shortfall(start: SceneGraph, end: SceneGraph, goal: Goal) -> Shortfall:
+def shortfall(start: SceneGraph, end: SceneGraph, goal: GoalText) -> Shortfall:
     """Return unmet(g, G_H), and what violates safe: open or on at the end though it was not at the start."""
+    goal = as_goal(goal)
     return Shortfall(unmet(goal, end), unsafe(start, end, goal))
 
 
@@ -120,7 +121,7 @@ def navigations(graph: SceneGraph, plan: Sequence[Action]) -> float:
 def validate(
     graph: SceneGraph,
     plan: Sequence[Action],
-    goal: Goal,
+    goal: GoalText,
     *,
     cost: CostFunction | None = None,
     profile: Profile = Profile.PAPER,
@@ -131,7 +132,7 @@ def validate(
     Args:
         graph: believed (or hidden) graph G.
         plan: pi.
-        goal: g.
+        goal: g; a `Goal`, text or a list of texts.
         cost: gives omega.d; default `navigations`.
         profile: rules profile.
         known: a verdict from the same graph and profile; its trace is reused as far as the two plans agree.

@@ -1,0 +1,85 @@
+"""Categories of one's own: what they inherit, what they are called, and what is said of a wrong table."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from gavel_env.errors import CategoryError, GavelError
+from gavel_env.world_model.ontology import default_ontology
+
+SHIPPED = default_ontology()
+
+
+def test_a_category_inherits_and_differs():
+    own = SHIPPED.extend(
+        {
+            "vial": {"like": "bottle", "words": ["sample glass"]},
+            "big_vial": {"like": "vial", "graspable": False, "carryable": True},
+            "fume_hood": {"openable": True, "interior": True, "toggleable": True},
+            "autoclave": {"like": "oven", "heat": False, "washes": True},
+        }
+    )
+    assert own["vial"].graspable
+    assert own["big_vial"].heatable == own["vial"].heatable
+    assert (own["big_vial"].graspable, own["big_vial"].liftable) == (False, True)
+    assert own["fume_hood"].has_door
+    assert not own["fume_hood"].graspable
+    assert own["autoclave"].heat is None
+    assert own["autoclave"].washes
+    assert own["autoclave"].toggleable == SHIPPED["oven"].toggleable
+    assert own["vial"].source == f"user, like {own.kinds('any_bottle')[0].name}"
+
+
+def test_words_name_it_and_the_shipped_ones_stay_as_they_are():
+    own = SHIPPED.extend({"vial": {"like": "bottle", "words": ["sample glass"]}})
+    assert own.concepts.meaning("sample glasses").thing == "vial"
+    assert own.concepts.meaning("vial").thing == "vial"
+    assert "vial" not in SHIPPED
+    assert own["vial"].is_a("any_bottle")
+    assert all(own[name] == SHIPPED[name] for name in SHIPPED)
+
+
+def test_like_takes_a_category_a_concept_or_a_word():
+    for like in ("mug", "any_mug") if SHIPPED.knows("any_mug") else ("mug",):
+        assert SHIPPED.extend({"lab_mug": {"like": like}})["lab_mug"].graspable
+    assert SHIPPED.extend({"case": {"like": "backpack"}})["case"].interior
+
+
+@pytest.mark.parametrize("ending", ["toml", "json"])
+def test_a_file_says_the_same_as_a_table(tmp_path, ending):
+    path = tmp_path / f"lab.{ending}"
+    table = {"vial": {"like": "bottle", "words": ["sample glass"]}, "rack": {"surface": True}}
+    toml = '[categories.vial]\nlike = "bottle"\nwords = ["sample glass"]\n[categories.rack]\nsurface = true\n'
+    path.write_text(toml if ending == "toml" else json.dumps({"categories": table}))
+    read, said = SHIPPED.extend(path), SHIPPED.extend(table)
+    assert (read["vial"], read["rack"]) == (said["vial"], said["rack"])
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({"vial": {"like": "botle"}}, r"\$\.categories\.vial\.like: unknown category 'botle'; did you mean"),
+        ({"vial": {"like": "vial"}}, "unknown category 'vial'|in a circle"),
+        ({"a": {"like": "b"}, "b": {"like": "a"}}, "in a circle: a -> b -> a"),
+        ({"vial": {"opneable": True}}, "unknown field `opneable`.*did you mean openable"),
+        ({"vial": {"surface": "yes"}}, r"Expected `bool \| null`, got `str`"),
+        ({"Vial": {}}, r"\$\.categories\.Vial"),
+        ({"any_vial": {}}, r"\$\.categories\.any_vial"),
+        ({"vial": []}, "categories"),
+        ({"vial": {"size_m": [1]}}, "length 3"),
+    ],
+)
+def test_a_wrong_table_is_said_with_its_place(table, message):
+    with pytest.raises(CategoryError, match=message):
+        SHIPPED.extend(table)
+
+
+def test_a_wrong_file_is_a_typed_error(tmp_path):
+    for name, content in (("a.toml", b"[cat"), ("b.toml", b"\xff"), ("c.json", b"{"), ("d.toml", b"[other]\n")):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(CategoryError, match=name[0]):
+            SHIPPED.extend(tmp_path / name)
+    with pytest.raises(GavelError):
+        SHIPPED.extend(tmp_path / "none.toml")
