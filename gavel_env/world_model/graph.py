@@ -231,14 +231,17 @@ class SceneGraph(msgspec.Struct, frozen=True):
         """Return the graph with `obj` (and all on or in it) moved to `support`; None = location unknown."""
         supports = _merged(self.supports, {})
         contents = _merged(self.contents, {})
-        old = supports.pop(obj, None)
+        old = supports.get(obj)
         if old is not None and old.relation <= Relation.INSIDE:
             rest = tuple(o for o in contents[old.holder] if o != obj)
             if rest:
                 contents[old.holder] = rest
             else:
                 del contents[old.holder]
-        if support is not None:
+        if support is None:
+            supports.pop(obj, None)
+        else:
+            # Overwritten, never popped first: a dict without gaps is copied whole, one with a gap entry by entry.
             supports[obj] = support
             if support.relation <= Relation.INSIDE:
                 contents[support.holder] = tuple(sorted((*contents.get(support.holder, ()), obj)))
