@@ -253,6 +253,8 @@ class Discourse:
             if target is None:
                 self.homeless[thing] = None
                 return
+            if isinstance(target, Entity) and self._processes(act, thing, phrase, target):
+                return
             relation = destination(phrase.preposition, target)
         if relation.holder == thing:
             raise Abstention("unparsed", f"the {said(thing)} cannot hold itself")
@@ -265,6 +267,18 @@ class Discourse:
             self.loaded.setdefault(relation.holder, []).append(thing)
             if relation.holder.movable:
                 self.container = relation.holder
+
+    def _processes(self, act: Act, thing: Entity, phrase: Phrase, machine: Entity) -> bool:
+        """Read `mug: dishwasher`, `the jeans to the dryer`: a machine named as the place alone does its work."""
+        does = None if machine.movable else process_flag(machine)
+        bare = phrase.preposition == "arrow" or (not act.frame.verb and phrase.preposition == "to")
+        if does is None or not bare or not any(can_become(kind, does) for kind in thing.kinds):
+            return False
+        self.used.add(machine)
+        self.instrument = machine
+        self.loaded.setdefault(machine, []).append(thing)
+        act.goals.append(Literal(does, designator_of(thing)))
+        return True
 
     def put(self, act: Act, thing: Entity, relation: Relation) -> None:
         """Note a relation that shall hold; an appliance that a thing was brought to before was only on its way."""

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from gavel_agents.understanding.rules.english import is_english
 from gavel_agents.understanding.rules.nouns import known_nouns, only_led, words_of
-from gavel_agents.understanding.rules.spelling import Speller
+from gavel_agents.understanding.rules.spelling import Speller, distance
 from gavel_agents.understanding.rules.words import Kind, closed_words, word_lists
 
 __all__ = ["Token", "tokens_of"]
@@ -230,9 +230,29 @@ def _read_run(pieces: Sequence[_Piece], tokens: list[Token]) -> None:
             word = words[position]
             token = Token(Kind.COUNT, word, word) if word.isdigit() else Token(Kind.UNKNOWN, word, word)
             count = 1
+        longer = _completed(words, position, count) if token.kind is Kind.NOUN else None
+        if longer is not None:
+            count, token = longer
         first, last = pieces[position], pieces[position + count - 1]
         tokens.append(token._replace(start=first.start, end=last.end, close=first.close, name=first.name))
         position += count
+
+
+def _completed(words: Sequence[str], start: int, count: int) -> tuple[int, Token] | None:
+    """Return the longer phrase whose last word was misspelled: `pasta sever`."""
+    said = tuple(words[start : start + count])
+    following = words[start + count] if start + count < len(words) else ""
+    if len(following) < _LEAST or any(e.words == (following,) for e in _phrases().get(following, ())):
+        return None
+    for entry in _phrases().get(words[start], ()):
+        longer = len(entry.words) == count + 1 and entry.words[:count] == said
+        if longer and entry.noun is not None and distance(entry.words[-1], following) == 1:
+            return count + 1, entry.noun
+    return None
+
+
+_LEAST = 4
+"""Letters of the shortest word that is repaired."""
 
 
 def _longest(words: Sequence[str], start: int, before: Token | None) -> tuple[int, Token | None]:
@@ -296,7 +316,7 @@ def _repair(words: Sequence[str], at: int, name: bool) -> tuple[list[str], bool]
     for candidate in (shorter, re.sub(r"(.)\1+", r"\1", shorter)) if shorter != word else ():
         if candidate in _phrases():
             return [candidate], False
-    if is_english(word) or len(word) < 4 or word.isdigit() or name:
+    if is_english(word) or len(word) < _LEAST or word.isdigit() or name:
         return None
     near = _speller().nearest(word)
     if len(near) > 1:  # the coffe table
