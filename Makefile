@@ -46,7 +46,7 @@ comma := ,
 
 # The results table of several agents over the shipped instructions; ARGS are passed on.
 eval: $(VENV)/.installed-core
-	@$(BIN)/gavel eval $(ARGS)
+	@$(BIN)/gavel eval --workers $(WORKERS) $(ARGS)
 
 # The default suite: no GPU, no network. ARGS are passed to pytest.
 test: $(VENV)/.installed-dev

@@ -110,7 +110,7 @@ def _eval(arguments: argparse.Namespace) -> int:
         plugins=arguments.plugin,
     )
     path, status = run_shown(arguments, plan)
-    found = results(read_records([path]), arguments.compare, read_prices(arguments.prices))
+    found = results(read_records([path], whole=False), arguments.compare, read_prices(arguments.prices))
     sys.stdout.write(render(found, arguments.format, failures=arguments.failures, costs=arguments.costs))
     if not arguments.quiet:
         print(f"gavel eval: records in {path}", file=sys.stderr)

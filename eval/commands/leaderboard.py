@@ -47,7 +47,7 @@ def _leaderboard(arguments: argparse.Namespace) -> int:
     submissions = []
     for path in arguments.runs:
         verified = not verify_run(path).findings if arguments.verify else None
-        submissions.append(Submission(names[path], read_records([path]), verified))
+        submissions.append(Submission(names[path], read_records([path], whole=False), verified))
     tables = leaderboard(submissions)
     page = html_page("Leaderboard", tables) if arguments.format == "html" else render_grids(tables, arguments.format)
     if arguments.output is None:

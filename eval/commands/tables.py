@@ -44,7 +44,7 @@ def _tables(arguments: argparse.Namespace) -> int:
         text = _diff(arguments)
     else:
         compare = arguments.compare.split(",") if arguments.compare else None
-        found = results(read_records(arguments.records), compare, read_prices(arguments.prices))
+        found = results(read_records(arguments.records, whole=False), compare, read_prices(arguments.prices))
         text = render(found, arguments.format, failures=arguments.failures, costs=arguments.costs)
     if arguments.output is None:
         sys.stdout.write(text)
@@ -68,5 +68,7 @@ def _diff(arguments: argparse.Namespace) -> str:
     first, second = arguments.records
     names = unique_names([first, second])
     most = None if arguments.all or arguments.format == "csv" else 40
-    tables = diff_tables(read_records([first]), read_records([second]), (names[first], names[second]), most)
+    tables = diff_tables(
+        read_records([first], whole=False), read_records([second], whole=False), (names[first], names[second]), most
+    )
     return render_grids(tables, arguments.format)

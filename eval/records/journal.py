@@ -6,6 +6,7 @@ torn is cut off before anything is appended, so its episode runs again.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
@@ -14,7 +15,8 @@ from typing import NamedTuple
 import msgspec
 
 from eval.records.encoding import LINE, encoded
-from eval.records.schema import EpisodeKey, EpisodeRecord, RunHeader
+from eval.records.schema import Contestant, EpisodeKey, EpisodeRecord, RunHeader
+from gavel_agents.agent import AgentTrace
 from gavel_env.appended import AppendedFile, free_name
 from gavel_env.data import decode, read_bytes
 from gavel_env.errors import DataError
@@ -45,14 +47,19 @@ class RecordFile(NamedTuple):
     damaged: tuple[str, ...]
 
 
-def read_records(paths: Iterable[str | Path]) -> RecordFile:
+def read_records(paths: Iterable[str | Path], *, whole: bool = True) -> RecordFile:
     """Read record files; a folder stands for its `records.jsonl`. A torn last line is left out.
+
+    Args:
+        paths: files and folders.
+        whole: with steps, plans and goals; tables need none of them, and a million records without them fit in memory.
 
     Raises:
         DataError: unreadable file, no line that is a record, or a schema of another version.
     """
     headers: list[RunHeader] = []
     records: dict[EpisodeKey, EpisodeRecord] = {}
+    contestants: dict[Contestant, Contestant] = {}
     damaged: list[str] = []
     for path in map(Path, paths):
         file = path / "records.jsonl" if path.is_dir() else path
@@ -69,10 +76,39 @@ def read_records(paths: Iterable[str | Path]) -> RecordFile:
             if isinstance(entry, RunHeader):
                 headers.append(entry)
             else:
-                records[entry.key] = entry
+                who = contestants.setdefault(entry.contestant, entry.contestant)
+                records[entry.key] = msgspec.structs.replace(entry, contestant=who) if whole else _slim(entry, who)
         if not headers and not records:
             raise DataError(f"{file} holds no record" + (f"; {damaged[0]}" if damaged else ""))
     return RecordFile(tuple(headers), records, tuple(damaged))
+
+
+def _slim(record: EpisodeRecord, who: Contestant) -> EpisodeRecord:
+    """Return what tables need of a record."""
+    trace = record.trace
+    return EpisodeRecord(
+        seed=record.seed,
+        instruction=sys.intern(record.instruction),
+        kind=sys.intern(record.kind),
+        scene=sys.intern(record.scene),
+        text="",
+        data=sys.intern(record.data),
+        code=sys.intern(record.code),
+        contestant=who,
+        outcome=sys.intern(record.outcome),
+        failure=sys.intern(record.failure),
+        model=sys.intern(record.model),
+        trace=AgentTrace(
+            attempts=trace.attempts,
+            expected_m=trace.expected_m,
+            seconds={sys.intern(stage): seconds for stage, seconds in trace.seconds.items()},
+            prompt_tokens=trace.prompt_tokens,
+            completion_tokens=trace.completion_tokens,
+        ),
+        usage=record.usage,
+        metres=record.metres,
+        error=record.error if record.outcome == "rejected" else "",
+    )
 
 
 def _refuse_other_version(line: bytes, place: str) -> None:

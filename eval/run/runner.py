@@ -250,7 +250,7 @@ def run(
         stored = conversations_of(path)
         if existing == "fresh" and (aside := writer.set_aside()) is not None and stored.exists():
             stored.rename(conversations_beside(aside))
-        done = read_records([path]).records if path.stat().st_size else {}
+        done = read_records([path], whole=False).records if path.stat().st_size else {}
         episodes = plan.episodes(header.code)
         left = [e for e in _shard(episodes, shard) if e.key not in done or done[e.key].outcome in retry]
         del done

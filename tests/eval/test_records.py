@@ -10,10 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from eval.cli import main
 from eval.records.encoding import sound
 from eval.records.journal import RecordWriter, read_records
 from eval.records.schema import OUTCOMES, Benchmark, Contestant, EpisodeRecord, RunHeader, Step
 from eval.records.scrub import describe_error, scrub, scrub_secrets
+from eval.report.formats import render
+from eval.report.tables import results
 from gavel_agents.agent import AgentTrace, TaskTrace
 from gavel_env.errors import DataError
 
@@ -218,3 +221,14 @@ def test_what_an_agent_leaves_behind_never_spoils_the_file(tmp_path: Path, trace
 def test_half_characters_are_replaced(tmp_path: Path) -> None:
     found = sound(episode(trace=AgentTrace(completions=["half \ud83d"])))
     assert found.trace.completions == ["half ?"]
+
+
+def test_tables_of_slim_records_are_those_of_whole_ones(tmp_path: Path) -> None:
+    command = ["eval", "--planner", "simulated:qwen3-8b", "--agents", "llm-only,gavel-full,oracle", "--sample", "3"]
+    assert main([*command, "--kind", "single", "--out", str(tmp_path), "--quiet"]) == 0
+    whole, slim = read_records([tmp_path]), read_records([tmp_path], whole=False)
+    assert whole.records.keys() == slim.records.keys()
+    for form in ("csv", "terminal"):
+        shown = [render(results(found), form, failures=True, costs=True) for found in (whole, slim)]
+        assert shown[0] == shown[1]
+    assert len({id(record.contestant) for record in slim.records.values()}) == 3
