@@ -29,6 +29,7 @@ from gavel_agents.llm import ChatModel, tell
 from gavel_agents.llm.sharing import SharingModel
 from gavel_agents.understanding import ModelUnderstanding, Understanding, load_understanding
 from gavel_env.errors import BadPlugin, GavelError
+from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.record import Instruction
 from gavel_env.world_model.goals import unmet
 
@@ -120,6 +121,19 @@ class _Progress:
             return {}
 
 
+_USUAL_NODES, _MANY_NODES = 512, 8192
+
+
+def _most_nodes(instruction: Instruction) -> int:
+    """Return `max_nodes` of the environment for an instruction: the usual one wherever the scene fits into it."""
+    try:
+        scene = load_scene(instruction.scene)
+    except GavelError:  # `reset` says what is wrong with it
+        return _USUAL_NODES
+    nodes = 1 + len(scene.rooms) + len(scene.furniture) + len(scene.items) + len(instruction.placements)
+    return _USUAL_NODES if nodes <= _USUAL_NODES else _MANY_NODES
+
+
 class Rig:
     """Runs episodes; builds environments and what agents share (models, understandings, priors) once.
 
@@ -141,7 +155,7 @@ class Rig:
         self.settings = settings
         self._planners = Planners(connections)
         self._turn = threading.Lock()
-        self._idle: dict[str, list[gym.Env[Any, Any]]] = {}
+        self._idle: dict[tuple[str, int], list[gym.Env[Any, Any]]] = {}
         self._understandings: dict[str, Understanding] = {}
 
     def check(self, episodes: Iterable[Episode]) -> None:
@@ -224,8 +238,9 @@ class Rig:
 
     def _take_environment(self, kind: str, instruction: Instruction) -> gym.Env[Any, Any]:
         """Return an environment that no other episode has; as many are made as episodes are under way at once."""
+        options = {"max_nodes": _most_nodes(instruction), **self.settings.options}
         with self._turn:
-            idle = self._idle.setdefault(kind, [])
+            idle = self._idle.setdefault((kind, options["max_nodes"]), [])
             if idle:
                 return idle.pop()
         return gym.make(
@@ -236,12 +251,12 @@ class Rig:
             profile=self.settings.profile,
             on_violation="terminate",
             terminate_on_success=False,
-            **self.settings.options,
+            **options,
         )
 
     def _give_back(self, kind: str, env: gym.Env[Any, Any]) -> None:
         with self._turn:
-            self._idle[kind].append(env)
+            self._idle[kind, cast("GavelEnv", env.unwrapped).max_nodes].append(env)
 
     def run(self, episode: Episode, timeout_s: float | None = None) -> Finished:
         """Run one episode and return its record; whatever happens, there is one.

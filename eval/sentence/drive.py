@@ -106,7 +106,7 @@ def drive(
         instructions=[instruction],
         terminate_on_success=False,
         observation="symbolic",
-        max_nodes=4096,
+        max_nodes=8192,
     )
     world = cast("GavelEnv", env.unwrapped)
     observation, info = env.reset(seed=seed, options={"instruction": instruction})

@@ -392,3 +392,12 @@ def test_a_method_s_own_cost_leaves_its_stamp_as_it_was() -> None:
 
     assert stamp("") == stamp("carried")
     assert len({stamp("paper"), stamp("carried"), stamp("simulated")}) == 3
+
+
+def test_scenes_of_every_size_are_run(tmp_path: Path) -> None:
+    """house_single_floor shows more nodes than the environments' usual 512."""
+    large = next(i for i in read_instructions(shipped("voices")).values() if i.scene == "house_single_floor")
+    path = tmp_path / "large.jsonl"
+    path.write_bytes(msgspec.json.encode(large))
+    plan = schedule([contestant("oracle", SETTINGS, privileged=True)], [read_instructions(path)], settings=SETTINGS)
+    assert outcomes(run(plan, tmp_path / "out")) == ["success"]
