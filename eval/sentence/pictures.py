@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -133,20 +133,28 @@ def save(
 
 def _save_animation(run: SentenceRun, path: Path) -> None:
     """Write an animation: WebP by OpenCV; GIF, whose 256 colours OpenCV chooses badly, by Pillow."""
-    frames = list(animation(run))
-    path.write_bytes(b"")  # says what is wrong with the path, which OpenCV does not
     if path.suffix == ".webp":
-        film = cv2.Animation()
-        film.frames = [np.ascontiguousarray(frame.image[:, :, ::-1]) for frame in frames]
-        film.durations = [frame.ms for frame in frames]
-        cv2.imwriteanimation(str(path), film, [cv2.IMWRITE_WEBP_QUALITY, 85])
-        return
+        _save_webp(list(animation(run)), path)
+    else:
+        _save_gif(list(animation(run)), path)
+
+
+def _save_webp(frames: Sequence[Frame], path: Path) -> None:
+    path.write_bytes(b"")  # says what is wrong with the path, which OpenCV does not
+    film = cv2.Animation()
+    film.frames = [np.ascontiguousarray(frame.image[:, :, ::-1]) for frame in frames]
+    film.durations = [frame.ms for frame in frames]
+    cv2.imwriteanimation(str(path), film, [cv2.IMWRITE_WEBP_QUALITY, 85])
+
+
+def _save_gif(frames: Sequence[Frame], path: Path) -> None:
+    """Write a GIF whose frames share one palette, so that what does not change costs nothing."""
     try:
         from PIL import Image as Pillow
     except ImportError as error:
         raise NotInstalled("a GIF needs Pillow: pip install 'gavel-env[gif]', or name the file .webp") from error
-    pictures = [Pillow.fromarray(frame.image) for frame in frames]
     colours = Pillow.fromarray(np.concatenate([frames[0].image, frames[-1].image])).quantize(192)
+    pictures = (Pillow.fromarray(frame.image) for frame in frames)
     first, *others = (p.quantize(palette=colours, dither=Pillow.Dither.NONE) for p in pictures)
     durations = [frame.ms for frame in frames]
     first.save(path, format="GIF", save_all=True, append_images=others, duration=durations, loop=0, optimize=False)

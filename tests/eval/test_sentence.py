@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -331,6 +332,15 @@ def test_files_show_the_drive(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         assert len(film.frames) > 10
         assert np.abs(film.frames[0].astype(int) - film.frames[-1].astype(int)).mean() > 1
     assert str(files["gif"]) in capsys.readouterr().out.replace("\n", "")
+
+
+def test_a_gif_without_pillow_says_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    assert main(["run", MUG, "--gif", str(tmp_path / "run.gif")]) == 2
+    assert "a GIF needs Pillow: pip install 'gavel-env[gif]', or name the file .webp" in capsys.readouterr().err
+    assert not (tmp_path / "run.gif").exists()
 
 
 def test_a_file_that_cannot_be_written_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
