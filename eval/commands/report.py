@@ -25,12 +25,14 @@ def register(subparsers: Any) -> None:
 
 
 def _report(arguments: argparse.Namespace) -> int:
+    from eval.records.conversations import read_conversations
     from eval.records.journal import read_records
     from eval.report.html import html_report
     from gavel_env.errors import DataError
 
     compare = arguments.compare.split(",") if arguments.compare else None
-    page = html_report(read_records(arguments.records), compare, arguments.title)
+    conversations = read_conversations(arguments.records)
+    page = html_report(read_records(arguments.records), compare, arguments.title, conversations=conversations)
     try:
         Path(arguments.output).write_text(page, encoding="utf-8")
     except OSError as error:

@@ -1,31 +1,39 @@
-"""A report as one HTML file: the tables, why episodes failed, and every episode replayed on the floor plan.
+"""A report as one HTML file: tables and charts first, then every episode, replayed on the floor plan.
 
-Everything in it comes from record files and the shipped scenes; the file needs no server and no network.
+Everything in it comes from record files, their conversations and the shipped scenes; the file needs no server and no
+network. Its data are JSON, packed with gzip: a run of thousands of episodes stays a page that one can send.
 """
 
 from __future__ import annotations
 
-import math
-from collections import Counter
+import base64
+import gzip
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any
 
 import msgspec
 
+from eval.records.conversations import Conversations
 from eval.records.journal import RecordFile
 from eval.records.schema import EpisodeRecord
-from eval.report.grid import Grid, grids, short_spec
-from eval.report.tables import results
-from gavel_env.errors import GavelError
-from gavel_env.house.scenes import Furniture, Scene, load_scene
-from gavel_env.render.style import KIND_COLOURS, Rgb, floor_of, kind_of, room_title
+from eval.report.floor_plan import floor_plans
+from eval.report.grid import Grid, grids, labels_of
+from eval.report.statistics import Estimate
+from eval.report.tables import Results, Section, results
 
-__all__ = ["html_report"]
+__all__ = ["html_report", "report_data"]
+
+_SCRIPTS = ("page.js", "charts.js", "plan.js", "episode.js", "browser.js")
 
 
 def html_report(
-    files: RecordFile, compare: Sequence[str] | None = None, title: str = "GAVEL results", *, tables: bool = True
+    files: RecordFile,
+    compare: Sequence[str] | None = None,
+    title: str = "GAVEL results",
+    *,
+    tables: bool = True,
+    conversations: Conversations | None = None,
 ) -> str:
     """Return the report of record files.
 
@@ -34,24 +42,42 @@ def html_report(
         compare: agents whose metres are matched, as in `eval.report.tables.results`.
         title: heading of the page.
         tables: with result tables; a single episode without them is shown alone, without what chooses among several.
+        conversations: what models were asked and answered; None leaves it out.
 
     Raises:
         UnknownAgent: `compare` names an agent that is in none of the files.
     """
+    data = report_data(files, compare, title, tables=tables, conversations=conversations)
+    packed = gzip.compress(msgspec.json.encode(data), mtime=0)
+    page = _asset("report.html").replace("/*STYLE*/", _asset("report.css"))
+    page = page.replace("/*SCRIPT*/", "\n".join(map(_asset, _SCRIPTS)))
+    return page.replace("/*DATA*/", base64.b64encode(packed).decode())
+
+
+def report_data(
+    files: RecordFile,
+    compare: Sequence[str] | None = None,
+    title: str = "GAVEL results",
+    *,
+    tables: bool = True,
+    conversations: Conversations | None = None,
+) -> dict[str, Any]:
+    """Return what the page shows, in builtin types; arguments as for `html_report`."""
     order = {one.config: i for header in files.headers for i, one in enumerate(header.contestants)}
     records = sorted(
         files.records.values(), key=lambda r: (r.kind, r.instruction, r.seed, order.get(r.contestant.config, 99))
     )
-    data = {
+    found = results(files, compare)
+    names = _names(found)
+    texts: dict[str, int] = {}
+    return {
         "title": title,
-        "tables": [_grid(grid) for grid in grids(results(files, compare), failures=True)] if tables else [],
-        "scenes": _scenes(records),
-        "episodes": [_episode(record) for record in records],
+        "tables": [_grid(grid) for grid in grids(found, failures=True)] if tables else [],
+        "charts": [_chart(section) for section in found.sections] if tables else [],
+        "scenes": floor_plans(record.scene for record in records),
+        "episodes": [_episode(record, names, conversations, texts) for record in records],
+        "texts": list(texts),
     }
-    # In a script element "<" could end the element; as an escape it is the same JSON.
-    text = msgspec.json.encode(data).decode().replace("<", "\\u003c")
-    page = _asset("report.html").replace("/*STYLE*/", _asset("report.css")).replace("/*SCRIPT*/", _asset("report.js"))
-    return page.replace("/*DATA*/", text)
 
 
 def _asset(name: str) -> str:
@@ -62,11 +88,64 @@ def _grid(grid: Grid) -> dict[str, Any]:
     return grid._asdict()
 
 
-def _episode(record: EpisodeRecord) -> dict[str, Any]:
-    trace = record.trace
+def _names(found: Results) -> Mapping[str, str]:
+    """Return contestant's stamp -> how it is called: by its agent, and by what tells it from others with that agent."""
+    names: dict[str, str] = {}
+    for section in found.sections:
+        _, labels = labels_of(section)
+        for row, label in zip(section.rows, labels, strict=True):
+            names.setdefault(row.contestant.config, _joined(label))
+    return names
+
+
+def _joined(label: Sequence[str]) -> str:
+    return " · ".join(part for part in label if part not in ("", "—"))
+
+
+# --- charts ----------------------------------------------------------------------------------------------------------
+
+
+def _chart(section: Section) -> dict[str, Any]:
+    """Return the bars of a section: per row success in per cent with its interval, and matched metres."""
+    _, labels = labels_of(section)
     return {
-        "agent": record.contestant.agent,
-        "planner": short_spec(record.contestant.planner),
+        "kind": section.benchmark.kind,
+        "instructions": section.instructions,
+        "matched": section.matched,
+        "rows": [
+            {
+                "name": _joined(label),
+                "privileged": row.contestant.privileged,
+                "success": _estimate(row.success),
+                "metres": _estimate(row.matched),
+                "attempts": _estimate(row.attempts),
+                "episodes": row.scheduled,
+            }
+            for row, label in zip(section.rows, labels, strict=True)
+        ],
+    }
+
+
+def _estimate(value: Estimate | None) -> list[float] | None:
+    """Return mean, low and high, or None where undefined."""
+    if value is None:
+        return None
+    spread = value.spread or 0.0
+    low, high = value.interval or (value.mean - spread, value.mean + spread)
+    return [round(part, 3) for part in (value.mean, low, high)]
+
+
+# --- episodes --------------------------------------------------------------------------------------------------------
+
+
+def _episode(
+    record: EpisodeRecord, names: Mapping[str, str], conversations: Conversations | None, texts: dict[str, int]
+) -> dict[str, Any]:
+    trace, scenery = record.trace, record.scenery
+    return {
+        "agent": names.get(record.contestant.config, record.contestant.agent),
+        "config": record.contestant.config,
+        "planner": record.contestant.planner,
         "kind": record.kind,
         "id": record.instruction,
         "seed": record.seed,
@@ -80,69 +159,32 @@ def _episode(record: EpisodeRecord) -> dict[str, Any]:
         "order": trace.order,
         "stopped": trace.stopped,
         "tasks": [msgspec.to_builtins(task) for task in trace.tasks],
+        "earlier": [[msgspec.to_builtins(task) for task in tasks] for tasks in trace.earlier],
         "steps": [[s.action, s.outcome, s.metres, s.reached, s.route, s.detail] for s in record.steps],
+        "start": scenery.start,
+        "things": scenery.things,
+        "goal": scenery.goal,
+        "met": scenery.met,
+        "beliefs": scenery.beliefs,
         "unmet": record.unmet,
         "unsafe": record.unsafe,
         "error": record.error,
+        "calls": [] if conversations is None else list(_calls(record, conversations, texts)),
     }
 
 
-# --- floor plans ---------------------------------------------------------------------------------------------------
-
-
-def _scenes(records: Sequence[EpisodeRecord]) -> Mapping[str, Any]:
-    """Return the floor plans of the scenes that can be read here; an episode elsewhere is shown without one."""
-    plans = {}
-    for name in sorted({record.scene for record in records} - {""}):
-        try:
-            plans[name] = _plan(load_scene(name))
-        except GavelError:
+def _calls(record: EpisodeRecord, conversations: Conversations, texts: dict[str, int]) -> Any:
+    """Yield the calls of an episode; each text is in the page once, and a call says which."""
+    for key in record.calls:
+        call = conversations.get(key)
+        if call is None:
             continue
-    return plans
-
-
-def _plan(scene: Scene) -> dict[str, Any]:
-    shown = [piece for piece in scene.furniture if piece.mount in ("floor", "carpet") or piece.on is not None]
-    types = Counter(room.type for room in scene.rooms)
-    shown.sort(key=lambda piece: (piece.mount != "carpet", piece.z, piece.id))
-    return {
-        "rooms": [
-            {
-                "title": room_title(room.id, types[room.type] == 1),
-                "points": _rounded(room.polygon),
-                "fill": _css(floor_of(room.type).colour),
-                "label": _middle(room.polygon),
-            }
-            for room in scene.rooms
-        ],
-        "pieces": [
-            {"id": piece.id, "points": _corners(piece), "fill": _css(KIND_COLOURS[kind_of(piece.category)])}
-            for piece in shown
-        ],
-        "openings": [_rounded(opening.segment) for opening in scene.openings],
-    }
-
-
-def _corners(piece: Furniture) -> list[tuple[float, float]]:
-    """Return the four corners of a footprint, in metres."""
-    depth, width, _ = piece.size_m
-    cos, sin = math.cos(math.radians(piece.yaw)), math.sin(math.radians(piece.yaw))
-    corners = [(a * depth / 2, b * width / 2) for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
-    return _rounded([(piece.x + a * cos - b * sin, piece.y + a * sin + b * cos) for a, b in corners])
-
-
-def _middle(polygon: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return the centroid of a polygon's area."""
-    area = x = y = 0.0
-    for (x0, y0), (x1, y1) in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
-        cross = x0 * y1 - x1 * y0
-        area, x, y = area + cross, x + (x0 + x1) * cross, y + (y0 + y1) * cross
-    return round(x / (3 * area), 2), round(y / (3 * area), 2)
-
-
-def _rounded(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    return [(round(x, 2), round(y, 2)) for x, y in points]
-
-
-def _css(colour: Rgb) -> str:
-    return "#" + "".join(f"{channel:02x}" for channel in colour)
+        turns = [(message.role, texts.setdefault(message.content, len(texts))) for message in call.messages]
+        answer = call.completion
+        yield {
+            "model": call.model,
+            "decoding": call.decoding,
+            "turns": [*turns, ("answer", texts.setdefault(answer.text, len(texts)))],
+            "tokens": [answer.prompt_tokens, answer.completion_tokens],
+            "seconds": answer.seconds,
+        }
