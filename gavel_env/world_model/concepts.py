@@ -123,19 +123,20 @@ class Concepts:
         return Meaning(self._named(phrase, self.thing_words), self._named(phrase, self.place_words))
 
     def _named(self, phrase: str, words: Mapping[str, str]) -> str | None:
-        for form in singulars(normal_phrase(phrase), self.plurals):
+        forms = tuple(singulars(normal_phrase(phrase), self.plurals))
+        for form in forms:
             if form in words:
                 return words[form]
-        return self._joined.get(normal_phrase(phrase).replace(" ", "")) if words is self.thing_words else None
+        joined = self._joined_things if words is self.thing_words else self._joined_places
+        return next((joined[key] for form in forms if (key := form.replace(" ", "")) in joined), None)
 
     @cached_property
-    def _joined(self) -> Mapping[str, str]:
-        """Phrases without spaces, where only one thing is written so: `tshirt`, `trashcan`."""
-        found: dict[str, str | None] = {}
-        for phrase, name in self.thing_words.items():
-            key = phrase.replace(" ", "")
-            found[key] = name if found.get(key, name) == name else None
-        return {key: name for key, name in found.items() if name is not None}
+    def _joined_things(self) -> Mapping[str, str]:
+        return _joined(self.thing_words)
+
+    @cached_property
+    def _joined_places(self) -> Mapping[str, str]:
+        return _joined(self.place_words)
 
     def words(self, name: str) -> tuple[str, ...]:
         """Return the phrases that name a category, room type or concept, in alphabetical order."""
@@ -246,6 +247,15 @@ class Concepts:
                 things[name] = Concept(tuple(dict.fromkeys((*old.members, category))), old.also)
                 thing_words[key] = name
         return Concepts(things, self.places, thing_words, self.place_words, self.plurals, self.provenance)
+
+
+def _joined(words: Mapping[str, str]) -> Mapping[str, str]:
+    """Return phrases without spaces, where only one thing is written so: `tshirt`, `trashcan`, `livingroom`."""
+    found: dict[str, str | None] = {}
+    for phrase, name in words.items():
+        key = phrase.replace(" ", "")
+        found[key] = name if found.get(key, name) == name else None
+    return {key: name for key, name in found.items() if name is not None}
 
 
 def _narrowed(name: str, members: Sequence[str], entry: Concept | None, possible: Callable[[str], bool]) -> str:

@@ -16,7 +16,7 @@ import msgspec
 
 from gavel_env.data import read_json, shipped_data
 from gavel_env.errors import UnknownCategory, UnknownConcept
-from gavel_env.world_model.concepts import Concepts, default_concepts, is_concept
+from gavel_env.world_model.concepts import Concepts, default_concepts, is_concept, normal_phrase
 
 __all__ = ["Category", "Mount", "Ontology", "TemperatureSource", "category_of", "default_ontology", "load_ontology"]
 
@@ -145,7 +145,7 @@ class Ontology(Mapping[str, Category]):
         for category in categories:
             for name in sorted(category.concepts):
                 joining.setdefault(name, []).append(category.name)
-        words = {category.name: category.words for category in categories if category.words}
+        words = {c.name: c.words for c in categories if c.words or normal_phrase(c.name) not in table.thing_words}
         self.concepts = table.extended(words, joining) if words or joining else table
         self._categories = {
             c.name: msgspec.structs.replace(c, concepts=self.concepts.of_category(c.name)) for c in categories

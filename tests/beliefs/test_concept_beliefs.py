@@ -155,6 +155,7 @@ def test_the_mixture_follows_the_weights_exactly() -> None:
 # --- weights ---------------------------------------------------------------------------------------------------------
 
 
+@settings(deadline=None)
 @given(st.sampled_from(CONCEPTS), st.lists(st.sampled_from(TYPES), min_size=1, max_size=10))
 def test_weights_are_a_distribution(name: str, types: list[str]) -> None:
     weights = category_weights(default_concepts().categories(name), types)

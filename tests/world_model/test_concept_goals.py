@@ -118,6 +118,7 @@ def test_goals_about_what_is_there_are_met(seed: int, data: st.DataObject) -> No
     assert not unmet(goal, graph)
 
 
+@settings(deadline=None)
 @given(LITERALS, st.booleans())
 def test_literals_over_concepts_are_read_as_they_are_written(literal: Literal, negated: bool) -> None:
     literal = literal._replace(negated=negated)
