@@ -212,9 +212,13 @@ class _Stager:
         held = self._put.get(str(where.object))
         if held is not None:
             return Spot(relation, held.placement.id or "")
-        holders = fitting(self._house.graph, where.object)
+        graph = self._house.graph
+        use = "surface" if relation == "on" else "interior"
+        holders = [h for h in fitting(graph, where.object) if getattr(graph.category(h), use)]
+        if not holders:
+            raise NotInHouse(f"{self._house.scene.scene} has no {_words(where.object.name)} to put anything {relation}")
         reachable = {piece.id for piece in self._house.pieces}
-        holders = tuple(h for h in holders if h in reachable) or holders
+        holders = [h for h in holders if h in reachable] or holders
         return Spot(relation, pick(self._rng, [h for h in holders if self._fits(category, relation, h)] or holders))
 
     def _drawn(self, category: Category, designator: Designator, where: Literal | None) -> Spot:

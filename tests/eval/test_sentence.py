@@ -275,6 +275,8 @@ def test_what_the_house_lacks_is_said() -> None:
         staged("inside(mug, bookcase@private_office)", scene="Rs_int")
     with pytest.raises(NotInHouse, match="has no pool table"):
         staged("on_top(mug, pool_table)", scene="Rs_int")
+    with pytest.raises(NotInHouse, match="has no sofa to put anything in"):
+        staged("on_top(mug, desk)", said=("inside(mug, sofa)",))
     with pytest.raises(BadPlacement, match="is no place"):
         staged("inside(mug, dishwasher)", places=("mug",))
 
