@@ -184,6 +184,9 @@ def _tell_step(step: Step, before: Moment, after: Moment, console: Console) -> N
     searched = step.reached is not None and step.reached not in before.observed.graph.world.nodes
     if searched and step.reached is not None:
         details.append(f"looked in {', '.join(after.searched)}; found {step.reached} {_found(after, step.reached)}")
+    elif step.return_when is not None and step.reached is None and step.outcome == "ok":
+        looked = f"looked in {', '.join(after.searched)}" if after.searched else f"saw {', '.join(after.new)}"
+        details.append(f"{looked}; came back to decide again")
     elif action.primitive is Primitive.OPEN and after.new:
         details.append(f"inside: {', '.join(after.new)}")
     if step.outcome != "ok":
