@@ -79,7 +79,16 @@ def test_python_gives_the_same_as_the_command_line(capsys: pytest.CaptureFixture
     assert record["trace"]["tasks"][0]["verdict"] == "valid"
 
 
-@pytest.mark.parametrize("agent", ["llm-only", "llm+p", "gavel-static", "epog"])
+def test_searches_that_come_back_are_told() -> None:
+    sentence = "bring the mug to the sofa, put the notebook on the bed and wash the plate in the dishwasher"
+    run = gavel.run_sentence(sentence, "Wainscott_0_int", agent="gavel-plus")
+    assert run.success
+    early = [s for s in run.record.steps if s.return_when is not None and s.reached is None]
+    assert early
+    assert " ".join(told(run).split()).count("came back to decide again") == len(early)
+
+
+@pytest.mark.parametrize("agent", ["llm-only", "llm+p", "gavel-static", "gavel-plus", "epog"])
 def test_any_planning_method_does_it(agent: str) -> None:
     assert gavel.run_sentence(MUG, agent=agent).success
 
