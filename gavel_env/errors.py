@@ -13,6 +13,7 @@ __all__ = [
     "BadAction",
     "BadEnvironmentOption",
     "BadOption",
+    "BadOwnAction",
     "BadPlacement",
     "BadPlannerSpec",
     "BadPlugin",
@@ -175,6 +176,10 @@ class ResetNeeded(GavelError, error.ResetNeeded):
 
 class BadOption(GavelError):
     """An option has a value that it cannot have, or one that is needed is missing."""
+
+
+class BadOwnAction(GavelError):
+    """An action or state of one's own cannot be added to the table; the message says why."""
 
 
 class AgentNameTaken(GavelError):

@@ -155,6 +155,8 @@ _VERBS = {
 
 def _step(text: str, named: Callable[[str], str] = str) -> str:
     action = parse_action(text)
+    if action.primitive not in _VERBS:
+        return f"{action.primitive.name.lower()} {', '.join(map(named, action.arguments))}".rstrip()
     return _VERBS[action.primitive].format(named(action.target or ""))
 
 

@@ -158,7 +158,7 @@ def leave_it_so(case: Case, literal: Literal) -> Iterator[Change]:
         return
     fits = fitting(case.graph, literal.subject)
     for step in range(len(case.plan) - 1, -1, -1):
-        primitive, target = case.plan[step]
+        primitive, target, _ = case.plan[step]
         if target in fits and primitive is undoing.get((flag, literal.negated)):
             before, after = case.trace[step], case.trace[step + 1]
             if before.has(flag, target) != after.has(flag, target) and before.has(flag, target) != literal.negated:
@@ -205,7 +205,7 @@ def close_in_time(case: Case, container: str) -> Iterator[Change]:
 def switch_off(case: Case, appliance: str) -> Iterator[Change]:
     """Appliance left on: switch it off after its run."""
     for step in range(len(case.plan) - 1, -1, -1):
-        if case.plan[step] == (Primitive.TOGGLE_ON, appliance):
+        if case.plan[step] == Action(Primitive.TOGGLE_ON, appliance):
             sketch = Sketch(case.trace[step + 1], case.profile)
             if sketch.operate(Primitive.TOGGLE_OFF, appliance):
                 yield insert(case.plan, step + 1, sketch.steps)

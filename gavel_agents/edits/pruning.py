@@ -14,6 +14,7 @@ from gavel_env.world_model.actions import Primitive
 from gavel_env.world_model.dynamics import Profile
 from gavel_env.world_model.goals import Goal, GoalText, as_goal
 from gavel_env.world_model.graph import SceneGraph, Support
+from gavel_env.world_model.own_actions import own_action
 from gavel_env.world_model.verdict import CostFunction, Verdict, validate
 
 __all__ = ["prune"]
@@ -101,7 +102,7 @@ def drop_navigation(verdict: Verdict) -> Iterator[Cut]:
 def drop_pair(verdict: Verdict) -> Iterator[Cut]:
     """Door or switch worked to and fro for nothing."""
     worked: dict[tuple[str | None, bool], int] = {}
-    for step, (primitive, target) in enumerate(verdict.plan):
+    for step, (primitive, target, _) in enumerate(verdict.plan):
         if primitive not in INVERSE:
             continue
         kind = (target, primitive in (Primitive.OPEN, Primitive.CLOSE))
@@ -115,7 +116,7 @@ def carry_on(verdict: Verdict) -> Iterator[Cut]:
     """Object put down only to be taken up again: keep it in the hand, or leave it where it was."""
     grasped: dict[str | None, int] = {}
     put: dict[str | None, int] = {}
-    for step, (primitive, target) in enumerate(verdict.plan):
+    for step, (primitive, target, _) in enumerate(verdict.plan):
         if primitive is Primitive.GRASP:
             if target in put:
                 yield Cut("carry_on", (put[target], step))
@@ -132,8 +133,12 @@ def _state_keys(verdict: Verdict) -> list[Hashable]:
     start = verdict.trace[0]
     moved: dict[str, Support | None] = {}
     keys: list[Hashable] = [_key(start, moved)]
-    for before, after in zip(verdict.trace, verdict.trace[1:], strict=False):
-        if after.supports is not before.supports:
+    for action, before, after in zip(verdict.plan, verdict.trace, verdict.trace[1:], strict=False):
+        if after.supports is not before.supports and own_action(action.primitive) is not None:
+            # The effect of an action of one's own may move anything.
+            changed = (o for o in start.world.nodes if after.supports.get(o) != start.supports.get(o))
+            moved = {o: after.supports.get(o) for o in changed}
+        elif after.supports is not before.supports:
             obj = after.holding or before.holding
             assert obj is not None
             moved[obj] = after.supports.get(obj)

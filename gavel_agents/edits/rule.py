@@ -84,8 +84,8 @@ class Case:
         """Name -> index of the first step that names it."""
         mentions: dict[str, int] = {}
         for index, action in enumerate(self.plan):
-            if action.target is not None:
-                mentions.setdefault(action.target, index)
+            for name in action.arguments:
+                mentions.setdefault(name, index)
         return mentions
 
     def preferred(self, names: Iterable[str]) -> list[str]:

@@ -43,9 +43,19 @@ class Sketch:
         """The steps so far."""
         return tuple(self.steps)
 
-    def do(self, primitive: Primitive, target: str | None = None) -> bool:
+    def fork(self) -> Sketch:
+        """Return a sketch that goes on from here, for a try."""
+        other = Sketch(self.graph, self._profile)
+        other.adopt(self)
+        return other
+
+    def adopt(self, other: Sketch) -> None:
+        """Go on from where another sketch has come to."""
+        self.graph, self.steps, self._opened = other.graph, list(other.steps), list(other._opened)
+
+    def do(self, primitive: Primitive, target: str | None = None, *others: str) -> bool:
         """Add one step if it is applicable."""
-        action = Action(primitive, target)
+        action = Action(primitive, target, others)
         if first_violation(self.graph, action, self._profile) is not None:
             return False
         self.graph = apply(self.graph, action)

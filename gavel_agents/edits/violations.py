@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from gavel_agents.edits.names import read_name
+from gavel_agents.edits.regression import bring_about_needs
 from gavel_agents.edits.rule import Case, Change, Rule, drop, insert, replace
 from gavel_agents.edits.sketch import Sketch, outermost_shut
 from gavel_agents.edits.wants import SPATIAL, Errand, chosen_subject, destinations, errands, works_of
@@ -13,7 +14,7 @@ from gavel_env.world_model.dynamics import ViolationKind, violations
 from gavel_env.world_model.goals import Predicate
 from gavel_env.world_model.graph import Relation
 
-__all__ = ["VIOLATION_RULES", "place_in_passing"]
+__all__ = ["OWN_RULES", "VIOLATION_RULES", "place_in_passing"]
 
 PLACES = (Primitive.PLACE_ON_TOP, Primitive.PLACE_INSIDE)
 DOORS = (Primitive.OPEN, Primitive.CLOSE)
@@ -83,7 +84,7 @@ def place_in_passing(case: Case) -> Iterator[Change]:
         return
     for errand in works:
         # The object must be in before the appliance is run.
-        runs = [t for t in range(picked, case.step) if case.plan[t] == (Primitive.TOGGLE_ON, errand.place)]
+        runs = [t for t in range(picked, case.step) if case.plan[t] == Action(Primitive.TOGGLE_ON, errand.place)]
         yield from _in_passing(case, errand, picked, runs[-1] if runs else case.step)
     if not again and not works:
         for errand in destinations(case, case.graph, held):
@@ -128,7 +129,7 @@ def leave_it(case: Case) -> Iterator[Change]:
     """Hand full with something of which the goal wants nothing more: do not grasp that."""
     held = case.graph.holding
     grasp = case.held_since() - 1
-    if held is None or grasp < 0 or case.plan[grasp] != (Primitive.GRASP, held):
+    if held is None or grasp < 0 or case.plan[grasp] != Action(Primitive.GRASP, held):
         return
     if not errands(case, case.trace[grasp], held) and not _named_by_goal(case, held):
         yield drop(case.plan, (grasp,))
@@ -160,7 +161,7 @@ def grasp_in_passing(case: Case) -> Iterator[Change]:
     for obj in (*_wanted_there(case), *_last_approached(case, free)):
         # Not before the appliance in which it is has run.
         holders = {holder for _, holder in case.graph.holders(obj)}
-        runs = [t for t in range(free, case.step) if case.plan[t] in [(Primitive.TOGGLE_ON, h) for h in holders]]
+        runs = [t for t in range(free, case.step) if case.plan[t] in [Action(Primitive.TOGGLE_ON, h) for h in holders]]
         first = runs[-1] + 1 if runs else free
         near = [k for k in range(case.step, first - 1, -1) if obj in case.trace[k].near]
         near.sort(key=lambda k: case.trace[k].closed_container(obj) is not None)
@@ -205,7 +206,7 @@ def _wanted_there(case: Case) -> list[str]:
 def _last_approached(case: Case, since: int) -> Iterator[str]:
     """Yield what the plan last navigated to with the hand free, if it can be lifted."""
     for index in range(case.step - 1, since - 1, -1):
-        primitive, target = case.plan[index]
+        primitive, target, _ = case.plan[index]
         if primitive is Primitive.NAVIGATE_TO and target is not None and target != case.target:
             node = case.graph.world.nodes[target]
             if node.category.graspable and not node.fixed:
@@ -316,3 +317,6 @@ VIOLATION_RULES: Mapping[ViolationKind, tuple[Rule, ...]] = {
     ViolationKind.UNREACHABLE: (),
 }
 """Violation kind -> edit rules in order of preference. A kind whose rules do not apply is left to the model."""
+
+OWN_RULES: tuple[Rule, ...] = (bring_about_needs, drop_step)
+"""Edit rules for any violation of an action of one's own."""

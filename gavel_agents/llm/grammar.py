@@ -10,7 +10,8 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gavel_env.world_model.actions import Primitive
+from gavel_env.world_model.actions import Primitive, parameters_of, primitive_of
+from gavel_env.world_model.own_actions import own_actions
 
 __all__ = ["MOST_STEPS", "MOST_TASKS", "json_schema", "plan_gbnf", "plan_schema", "step_pattern"]
 
@@ -30,8 +31,8 @@ def plan_gbnf(names: Sequence[str] | None = None) -> str:
     Args:
         names: objects that may be named; default any name.
     """
-    verbs = " | ".join(json.dumps(p.name) for p in Primitive if p.takes_target)
-    bare = " | ".join(json.dumps(p.name) for p in Primitive if not p.takes_target)
+    verbs = " | ".join(json.dumps(p.name) for p in (*Primitive, *_own(1)) if p.takes_target)
+    bare = " | ".join(json.dumps(p.name) for p in (*Primitive, *_own(0)) if not p.takes_target)
     if names is None:
         name = 'word ("@" word)?\nword ::= [a-z] [a-z0-9_]*'
     else:
@@ -39,18 +40,30 @@ def plan_gbnf(names: Sequence[str] | None = None) -> str:
     return (
         f'root ::= task ("\\n" task){{0,{MOST_TASKS - 1}}}\n'
         f'task ::= "Task " [1-{MOST_TASKS}] ":" ("\\n" step){{1,{MOST_STEPS}}}\n'
-        f'step ::= {bare} | verb " " name\n'
+        f'step ::= {bare} | verb " " name{_own_steps()}\n'
         f"verb ::= {verbs}\n"
         f"name ::= {name}\n"
     )
 
 
+def _own(count: int) -> list[Primitive]:
+    """Return the actions of one's own with so many parameters; for 2, with two or more."""
+    found = [p for own in own_actions() if (p := primitive_of(own.name)) is not None]
+    return [p for p in found if min(len(parameters_of(p) or ()), 2) == count]
+
+
+def _own_steps() -> str:
+    steps = [f'"{p.name} " ' + ' ", " '.join(["name"] * len(parameters_of(p) or ())) for p in _own(2)]
+    return "".join(f" | {step}" for step in steps)
+
+
 def step_pattern(names: Sequence[str] | None = None) -> str:
     """Return the regular expression of one step, for JSON schemas: no look-around, only escaped literals."""
-    verbs = "|".join(p.name for p in Primitive if p.takes_target)
-    bare = "|".join(p.name for p in Primitive if not p.takes_target)
+    verbs = "|".join(p.name for p in (*Primitive, *_own(1)) if p.takes_target)
+    bare = "|".join(p.name for p in (*Primitive, *_own(0)) if not p.takes_target)
     name = _NAME if names is None else f"({'|'.join(dict.fromkeys(names))})"
-    return f"^({bare}|({verbs}) {name})$"
+    more = "".join(f"|{p.name} {', '.join([name] * len(parameters_of(p) or ()))}" for p in _own(2))
+    return f"^({bare}|({verbs}) {name}{more})$"
 
 
 def plan_schema(names: Sequence[str] | None = None) -> dict[str, Any]:

@@ -184,7 +184,7 @@ def legs_of(plans: Iterable[Sequence[Action]], things: Mapping[str, int], holdin
     starts = [0]
     for plan in plans:
         held = holding
-        for primitive, target in plan:
+        for primitive, target, *_ in plan:
             thing = things.get(target or "", -1)
             if primitive is Primitive.NAVIGATE_TO and thing >= 0:
                 legs.append((GO, thing, -1))

@@ -12,6 +12,7 @@ from gavel_env.world_model.dynamics import Profile, Violation
 from gavel_env.world_model.goals import Condition, Goal, Literal
 from gavel_env.world_model.graph import Flag
 from gavel_env.world_model.narration import reason
+from gavel_env.world_model.own_actions import own_action
 from gavel_env.world_model.verdict import Verdict
 
 __all__ = ["CONTRACTS", "Complaint", "complain", "complaint"]
@@ -60,7 +61,7 @@ class Complaint(msgspec.Struct, frozen=True):
         lines = [f"{name} {self._summary()}"]
         step = None if self.violation is None else self.violation.step
         for index, action in enumerate(self.plan):
-            words = f"{action.primitive.name} {action.target or ''}".strip()
+            words = action.words
             mark = f"   <- fails: {self.missing}" if index == step else ""
             lines.append(f"{index + 1}. {words}{mark}")
         if self.violation is not None and step is not None:
@@ -91,8 +92,9 @@ def complaint(verdict: Verdict, task: int | None = None, profile: Profile = Prof
     needs = missing = ""
     if violation is not None and violation.step is not None:
         primitive = verdict.plan[violation.step].primitive
-        needs = CONTRACTS[primitive]
-        if profile is Profile.OMNIGIBSON and primitive >= Primitive.OPEN:
+        own = own_action(primitive)
+        needs = CONTRACTS[primitive] if own is None else own.contract
+        if profile is Profile.OMNIGIBSON and Primitive.OPEN <= primitive <= Primitive.TOGGLE_OFF:
             needs += "; an empty hand"
         missing = reason(violation)
     return Complaint(

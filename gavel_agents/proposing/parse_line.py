@@ -6,7 +6,15 @@ import re
 from collections.abc import Iterator, Sequence
 
 from gavel_env.errors import MalformedAction
-from gavel_env.world_model.actions import Action, Primitive, normalise_name, parse_action
+from gavel_env.world_model.actions import (
+    Action,
+    Primitive,
+    normalise_name,
+    own_step,
+    parameters_of,
+    parse_action,
+    primitive_of,
+)
 
 __all__ = ["calls_in", "from_parts", "read_line", "without_bullet"]
 
@@ -131,6 +139,10 @@ def from_parts(verb: str, arguments: Sequence[str]) -> Action | None:
         return None
     names = [normalise_name(re.split(r"[=:]", a)[-1]) for a in arguments]
     names = [n for n in names if n and n not in ("robot", "agent", "none", "null")]
+    own = primitive_of(verb)
+    parameters = None if own is None else parameters_of(own)
+    if own is not None and parameters is not None:
+        return own_step(own, names) if len(names) == len(parameters) else None
     try:
         primitive = parse_action(f"{verb}(x)").primitive
     except MalformedAction:

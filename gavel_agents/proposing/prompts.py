@@ -12,7 +12,8 @@ from collections.abc import Mapping, Sequence
 from gavel_agents.llm import Message
 from gavel_agents.understanding import TaskUnderstanding
 from gavel_env.world_model.dynamics import Profile
-from gavel_env.world_model.graph import Flag, Relation, SceneGraph
+from gavel_env.world_model.graph import OWN_FLAGS, Flag, Relation, SceneGraph
+from gavel_env.world_model.own_actions import own_actions
 
 __all__ = ["EXAMPLES", "SYSTEM", "examples", "plan_prompt", "retry_prompt", "situation", "system_prompt"]
 
@@ -130,10 +131,11 @@ _LIKELY_ROOMS = 2
 
 def system_prompt(profile: Profile = Profile.PAPER) -> str:
     """Return rules and actions, as the rules profile has them."""
+    system = SYSTEM.replace("\nRules:", "".join(f"\n{own.prompt_line}" for own in own_actions()) + "\nRules:")
     if profile is Profile.PAPER:
-        return SYSTEM
+        return system
     doors, switches = "OPEN y, CLOSE y: needs: near y,", "TOGGLE_ON y, TOGGLE_OFF y: needs: near y,"
-    return SYSTEM.replace(doors, f"{doors} empty hand,").replace(switches, f"{switches} empty hand,")
+    return system.replace(doors, f"{doors} empty hand,").replace(switches, f"{switches} empty hand,")
 
 
 def examples(profile: Profile = Profile.PAPER) -> tuple[tuple[str, str], ...]:
@@ -198,7 +200,7 @@ def _describe(graph: SceneGraph, node: str, likely: Mapping[str, Sequence[str]])
         features.append("door (open)" if graph.has(Flag.OPEN, node) else "door (closed)")
     if category.toggleable:
         features.append("switch (on)" if graph.has(Flag.TOGGLED, node) else "switch (off)")
-    features += [flag.name.lower() for flag in (Flag.HOT, Flag.FROZEN, Flag.DIRTY) if graph.has(flag, node)]
+    features += [flag.name.lower() for flag in (Flag.HOT, Flag.FROZEN, Flag.DIRTY, *OWN_FLAGS) if graph.has(flag, node)]
     if graph.flags[Flag.DIRTY]:
         if category.wipes:
             features.append("wipes what it is put on top of")

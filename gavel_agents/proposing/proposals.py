@@ -156,7 +156,7 @@ def _quote(plans: Sequence[Plan]) -> str:
     lines: list[str] = []
     for number, plan in enumerate(plans, start=1):
         lines.append(f"Task {number}:")
-        lines += [f"{action.primitive.name} {action.target or ''}".strip() for action in plan]
+        lines += [action.words for action in plan]
     return "\n".join(lines)
 
 

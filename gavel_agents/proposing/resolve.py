@@ -24,14 +24,17 @@ def resolve(graph: SceneGraph, plan: Sequence[Action], goal: Goal | None = None)
         goal: settles categories with several instances: the only one that holds an object of the goal or of the plan;
             else, for a designator that the goal itself uses, the first that fits, since any will do.
     """
-    named = dict.fromkeys(a.target for a in plan if a.target is not None)
+    named = dict.fromkeys(name for a in plan for name in a.arguments)
     meant = {name: resolve_name(graph, name) for name in named}
     if goal is not None:
         things = {obj for literal in goal.literals for obj in fitting(graph, literal.subject)} | set(meant.values())
         for name, found in meant.items():
             if found not in graph.world.nodes and found not in graph.world.rooms:
                 meant[name] = _any_that_fits(graph, found, things, goal)
-    return tuple(a if a.target is None else a._replace(target=meant[a.target]) for a in plan)
+    return tuple(
+        a if a.target is None else a._replace(target=meant[a.target], others=tuple(meant[o] for o in a.others))
+        for a in plan
+    )
 
 
 def _any_that_fits(graph: SceneGraph, name: str, things: set[str], goal: Goal) -> str:

@@ -297,7 +297,7 @@ def _set_down(plan: Sequence[Action], goal: Goal) -> dict[str, str]:
             rooms.update(dict.fromkeys(domains.get(atom.args[0], atom.args[:1]), atom.args[1]))
     beside: dict[str, str] = {}
     held = there = ""
-    for primitive, target in plan:
+    for primitive, target, _ in plan:
         if primitive is Primitive.GRASP:
             held = target or ""
         elif primitive is Primitive.NAVIGATE_TO:

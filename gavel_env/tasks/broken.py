@@ -84,7 +84,7 @@ _PLACES = (Primitive.PLACE_ON_TOP, Primitive.PLACE_INSIDE)
 def defects(graph: SceneGraph, plan: Sequence[Action]) -> Iterator[Broken]:
     """Yield every edit that a defect can make to a plan, without its ending, in a fixed order."""
     fixtures = [node.id for node in graph.world.nodes.values() if node.fixed]
-    for i, (primitive, target) in enumerate(plan):
+    for i, (primitive, target, _) in enumerate(plan):
         if primitive in _DROPS:
             yield Broken(_DROPS[primitive], i, i + 1, ())
         if i + 1 < len(plan):

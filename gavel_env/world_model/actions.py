@@ -4,11 +4,23 @@ from __future__ import annotations
 
 import enum
 import re
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from gavel_env.errors import MalformedAction, nearest_names
 
-__all__ = ["Action", "Primitive", "nearest_primitives", "normalise_name", "parse_action"]
+__all__ = [
+    "Action",
+    "Primitive",
+    "add_primitive",
+    "nearest_primitives",
+    "own_step",
+    "parameters_of",
+    "primitive_of",
+    "remove_primitive",
+    "normalise_name",
+    "parse_action",
+]
 
 
 class Primitive(enum.IntEnum):
@@ -26,17 +38,36 @@ class Primitive(enum.IntEnum):
 
     @property
     def takes_target(self) -> bool:
-        """False for `RELEASE` alone."""
-        return self is not Primitive.RELEASE
+        """False for `RELEASE` alone (and for actions of one's own without parameters)."""
+        return self is not Primitive.RELEASE and _PARAMETERS.get(self) != ()
 
 
 class Action(NamedTuple):
-    """A primitive and its argument; `str(action)` is the canonical text, `NAVIGATE_TO(fridge_0)`."""
+    """A primitive and its argument; `str(action)` is the canonical text, `NAVIGATE_TO(fridge_0)`.
+
+    Attributes:
+        primitive: alpha.
+        target: xi; None for `RELEASE`.
+        others: further arguments; only actions of one's own have any (`POUR(jug, cup)`).
+    """
 
     primitive: Primitive
     target: str | None = None
+    others: tuple[str, ...] = ()
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Every argument."""
+        return self.others if self.target is None else (self.target, *self.others)
+
+    @property
+    def words(self) -> str:
+        """The action as planners are asked to write it: `NAVIGATE_TO fridge_0`."""
+        return f"{self.primitive.name} {', '.join(self.arguments)}".rstrip()
 
     def __str__(self) -> str:
+        if self.others:
+            return f"{self.primitive.name}({', '.join(self.arguments)})"
         return f"{self.primitive.name}({self.target or ''})"
 
 
@@ -108,6 +139,8 @@ def parse_action(text: str) -> Action:
         raise MalformedAction(f"no primitive in {text.strip()[:80]!r}; {hint}")
     if not primitive.takes_target:
         return Action(primitive)
+    if primitive in _PARAMETERS:
+        return _own(primitive, arguments, text)
     target = normalise_name(re.split(r"[,;]", arguments)[-1].split("=")[-1])
     if not target:
         raise MalformedAction(f"{primitive.name} in {text.strip()[:80]!r} names no target")
@@ -120,6 +153,55 @@ def _without_end(arguments: str) -> str:
     if arguments.endswith((";", ".", ",")):
         arguments = arguments[:-1].rstrip()
     return arguments[:-1].rstrip() if arguments.endswith((")", "]")) else arguments
+
+
+# --- actions of one's own (`own_actions`) ---------------------------------------------------------------------------
+
+_PARAMETERS: dict[Primitive, tuple[str, ...]] = {}
+_BETWEEN = re.compile(r"\s*[,;]\s*|\s+(?:into|onto|in|on|to|with|from|and)\s+", re.IGNORECASE)
+
+
+def _own(primitive: Primitive, arguments: str, text: str) -> Action:
+    parts = _BETWEEN.split(arguments) if len(_PARAMETERS[primitive]) > 1 else [arguments]
+    names = [name for part in parts if (name := normalise_name(part.split("=")[-1]))]
+    return own_step(primitive, names, text)
+
+
+def own_step(primitive: Primitive, names: Sequence[str], text: str = "") -> Action:
+    """Return a step of an action of one's own.
+
+    Raises:
+        MalformedAction: not as many arguments as it has parameters.
+    """
+    parameters = _PARAMETERS[primitive]
+    if len(names) != len(parameters):
+        wanted = f"{primitive.name}({', '.join(parameters)})"
+        raise MalformedAction(f"{primitive.name} in {text.strip()[:80]!r} has {len(names)} arguments; write {wanted}")
+    return Action(primitive, names[0] if names else None, tuple(names[1:]))
+
+
+def parameters_of(primitive: Primitive) -> tuple[str, ...] | None:
+    """Return the parameters of an action of one's own; None for the nine."""
+    return _PARAMETERS.get(primitive)
+
+
+def primitive_of(verb: str) -> Primitive | None:
+    """Return the primitive that a verb names, in any spelling; None if none does."""
+    return _NAMES.get(re.sub(r"[\s_\-]+", "", verb).lower())
+
+
+def add_primitive(primitive: Primitive, parameters: tuple[str, ...], words: Sequence[str]) -> None:
+    """Let the parser know an action of one's own; `own_actions.register_action` is what users call."""
+    _PARAMETERS[primitive] = parameters
+    for word in (primitive.name, *words):
+        _NAMES[re.sub(r"[\s_\-]+", "", word).lower()] = primitive
+
+
+def remove_primitive(primitive: Primitive) -> None:
+    """Let the parser forget an action of one's own."""
+    _PARAMETERS.pop(primitive, None)
+    for word in [word for word, named in _NAMES.items() if named is primitive]:
+        del _NAMES[word]
 
 
 def nearest_primitives(verb: str, count: int = 3) -> tuple[Primitive, ...]:

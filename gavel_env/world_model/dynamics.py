@@ -8,7 +8,7 @@ refused by the executor (`unreachable`, `not_found`), which alone knows geometry
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -16,9 +16,13 @@ import msgspec
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.goals import GoalText, as_goal
 from gavel_env.world_model.graph import Flag, Relation, SceneGraph, Support
+from gavel_env.world_model.open_enums import add_member
 
 __all__ = [
+    "OWN_RULES",
+    "PRECONDITION",
     "RULES",
+    "OwnRule",
     "Profile",
     "Violation",
     "ViolationKind",
@@ -51,6 +55,11 @@ class ViolationKind(enum.Enum):
     NO_DOOR = "no_door"
     NO_SWITCH = "no_switch"
     DOOR_OPEN = "door_open"
+
+
+PRECONDITION = add_member(ViolationKind, "PRECONDITION", "precondition")
+"""A need of an action of one's own, said by the violation's `blocker`; the nine have none such, so that what is made of
+the kinds (observation spaces, tables) does not list it."""
 
 
 class Profile(enum.Enum):
@@ -96,10 +105,21 @@ class Rule(NamedTuple):
     omnigibson: tuple[Check, ...] = ()
 
 
+class OwnRule(NamedTuple):
+    """One row of an action of one's own, over all its arguments."""
+
+    violations: Callable[[SceneGraph, Sequence[str]], Iterator[Violation]]
+    effect: Callable[[SceneGraph, Sequence[str]], SceneGraph]
+
+
+OWN_RULES: dict[Primitive, OwnRule] = {}
+"""Actions of one's own (`own_actions.register_action`)."""
+
+
 # --- preconditions -------------------------------------------------------------------------------------------------
 
 
-def _known(graph: SceneGraph, x: str) -> Violation | None:
+def known(graph: SceneGraph, x: str) -> Violation | None:
     if x in graph.world.nodes:
         return None
     kind = ViolationKind.ROOM_TARGET if x in graph.world.rooms else ViolationKind.UNKNOWN_OBJECT
@@ -111,21 +131,21 @@ def _not_hidden(graph: SceneGraph, x: str) -> Violation | None:
     return None if blocker is None else Violation(ViolationKind.HIDDEN, x, blocker)
 
 
-def _accessible(graph: SceneGraph, x: str) -> Violation | None:
+def accessible(graph: SceneGraph, x: str) -> Violation | None:
     blocker = graph.closed_container(x)
     return None if blocker is None else Violation(ViolationKind.CLOSED, x, blocker)
 
 
-def _near(graph: SceneGraph, x: str) -> Violation | None:
+def near(graph: SceneGraph, x: str) -> Violation | None:
     return None if x in graph.near or x == graph.holding else Violation(ViolationKind.NOT_NEAR, x)
 
 
-def _graspable(graph: SceneGraph, x: str) -> Violation | None:
+def graspable(graph: SceneGraph, x: str) -> Violation | None:
     node = graph.world.nodes[x]
     return None if node.category.liftable and not node.fixed else Violation(ViolationKind.NOT_GRASPABLE, x)
 
 
-def _hand_free(graph: SceneGraph, x: str) -> Violation | None:
+def hand_free(graph: SceneGraph, x: str) -> Violation | None:
     return None if graph.holding is None else Violation(ViolationKind.HAND_FULL, x, graph.holding)
 
 
@@ -133,15 +153,15 @@ def _hand_holds(graph: SceneGraph, x: str) -> Violation | None:
     return Violation(ViolationKind.HAND_EMPTY, x) if graph.holding is None else None
 
 
-def _surface(graph: SceneGraph, y: str) -> Violation | None:
+def surface(graph: SceneGraph, y: str) -> Violation | None:
     return None if graph.category(y).surface else Violation(ViolationKind.NO_SURFACE, y)
 
 
-def _interior(graph: SceneGraph, y: str) -> Violation | None:
+def interior(graph: SceneGraph, y: str) -> Violation | None:
     return None if graph.category(y).interior else Violation(ViolationKind.NO_INTERIOR, y)
 
 
-def _opened(graph: SceneGraph, y: str) -> Violation | None:
+def opened(graph: SceneGraph, y: str) -> Violation | None:
     return Violation(ViolationKind.CLOSED, y, y) if graph.is_shut(y) else None
 
 
@@ -156,11 +176,11 @@ def _no_cycle(graph: SceneGraph, y: str) -> Violation | None:
     return None
 
 
-def _door(graph: SceneGraph, y: str) -> Violation | None:
+def door(graph: SceneGraph, y: str) -> Violation | None:
     return None if graph.category(y).openable else Violation(ViolationKind.NO_DOOR, y)
 
 
-def _switch(graph: SceneGraph, y: str) -> Violation | None:
+def switch(graph: SceneGraph, y: str) -> Violation | None:
     return None if graph.category(y).toggleable else Violation(ViolationKind.NO_SWITCH, y)
 
 
@@ -294,26 +314,28 @@ def _within(graph: SceneGraph, holder: str, *, inside_only: bool) -> list[str]:
 # --- the table -----------------------------------------------------------------------------------------------------
 
 RULES: Mapping[Primitive, Rule] = {
-    Primitive.NAVIGATE_TO: Rule((_known, _not_hidden), _navigate_to),
-    Primitive.GRASP: Rule((_known, _near, _graspable, _hand_free, _accessible), _grasp),
+    Primitive.NAVIGATE_TO: Rule((known, _not_hidden), _navigate_to),
+    Primitive.GRASP: Rule((known, near, graspable, hand_free, accessible), _grasp),
     Primitive.RELEASE: Rule((_hand_holds,), _release),
     Primitive.PLACE_ON_TOP: Rule(
-        (_known, _hand_holds, _not_itself, _near, _surface, _accessible, _no_cycle), _place(Relation.ON_TOP)
+        (known, _hand_holds, _not_itself, near, surface, accessible, _no_cycle), _place(Relation.ON_TOP)
     ),
     Primitive.PLACE_INSIDE: Rule(
-        (_known, _hand_holds, _not_itself, _near, _interior, _opened, _accessible, _no_cycle),
+        (known, _hand_holds, _not_itself, near, interior, opened, accessible, _no_cycle),
         _place(Relation.INSIDE),
     ),
-    Primitive.OPEN: Rule((_known, _near, _door, _accessible), _open, (_hand_free,)),
-    Primitive.CLOSE: Rule((_known, _near, _door, _accessible), _close, (_hand_free,)),
-    Primitive.TOGGLE_ON: Rule((_known, _near, _switch, _accessible, _door_shut), _toggle_on, (_hand_free,)),
-    Primitive.TOGGLE_OFF: Rule((_known, _near, _switch, _accessible), _toggle_off, (_hand_free,)),
+    Primitive.OPEN: Rule((known, near, door, accessible), _open, (hand_free,)),
+    Primitive.CLOSE: Rule((known, near, door, accessible), _close, (hand_free,)),
+    Primitive.TOGGLE_ON: Rule((known, near, switch, accessible, _door_shut), _toggle_on, (hand_free,)),
+    Primitive.TOGGLE_OFF: Rule((known, near, switch, accessible), _toggle_off, (hand_free,)),
 }
 
 
 def first_violation(graph: SceneGraph, action: Action, profile: Profile = Profile.PAPER) -> Violation | None:
     """Return the first violated precondition of `action` in `graph`, or None if it is applicable."""
-    rule = RULES[action.primitive]
+    rule = RULES.get(action.primitive)
+    if rule is None:
+        return next(OWN_RULES[action.primitive].violations(graph, action.arguments), None)
     target = action.target or ""
     for check in rule.preconditions:
         violation = check(graph, target)
@@ -332,21 +354,26 @@ def violations(graph: SceneGraph, action: Action, profile: Profile = Profile.PAP
 
     An unknown target ends the list: nothing else can be said of it.
     """
-    rule = RULES[action.primitive]
+    rule = RULES.get(action.primitive)
+    if rule is None:
+        return tuple(OWN_RULES[action.primitive].violations(graph, action.arguments))
     target = action.target or ""
     found: list[Violation] = []
     for check in rule.preconditions + (rule.omnigibson if profile is Profile.OMNIGIBSON else ()):
         violation = check(graph, target)
         if violation is not None:
             found.append(violation)
-            if check is _known:
+            if check is known:
                 break
     return tuple(found)
 
 
 def apply(graph: SceneGraph, action: Action) -> SceneGraph:
     """Return eff_a(G). The caller has seen that the preconditions hold (`first_violation` is None)."""
-    return RULES[action.primitive].effect(graph, action.target or "")
+    rule = RULES.get(action.primitive)
+    if rule is None:
+        return OWN_RULES[action.primitive].effect(graph, action.arguments)
+    return rule.effect(graph, action.target or "")
 
 
 def unsafe(start: SceneGraph, end: SceneGraph, goal: GoalText) -> tuple[tuple[Flag, str], ...]:

@@ -27,7 +27,9 @@ __all__ = [
     "Goal",
     "GoalText",
     "Literal",
+    "PREDICATES",
     "Predicate",
+    "add_state",
     "as_goal",
     "check_goal",
     "fitting",
@@ -159,7 +161,7 @@ class Goal(msgspec.Struct, frozen=True):
 _LITERAL = re.compile(
     r"\s*+(not\s++|!\s*+|~\s*+)?+([A-Za-z_]++)\s*+\(([^(),]*+)(?:,([^(),]*+))?+\)\s*+\Z",
 )
-_PREDICATES = {p.value: p for p in Predicate} | {
+PREDICATES: dict[str, Predicate] = {p.value: p for p in Predicate} | {
     "ontop": Predicate.ON_TOP,
     "on": Predicate.ON_TOP,
     "in": Predicate.INSIDE,
@@ -169,6 +171,12 @@ _PREDICATES = {p.value: p for p in Predicate} | {
     "inroom": Predicate.IN_ROOM,
     "toggled_on": Predicate.TOGGLED,
 }
+
+
+def add_state(predicate: Predicate, flag: Flag) -> None:
+    """Let goals ask for a state of one's own; `own_actions.own_state` is what users call."""
+    _FLAGS[predicate] = flag
+    PREDICATES[predicate.value] = predicate
 
 
 def parse_literal(text: str) -> Literal:
@@ -183,9 +191,9 @@ def parse_literal(text: str) -> Literal:
     if match is None or not match.group(3).strip() or not (match.group(4) or "x").strip():
         raise MalformedGoal(f"goal {text[:80]!r} is no literal; write predicate(subject) or predicate(subject, object)")
     negation, name, subject, second = match.groups()
-    predicate = _PREDICATES.get(name.lower())
+    predicate = PREDICATES.get(name.lower())
     if predicate is None:
-        near = nearest_names(name.lower(), _PREDICATES)
+        near = nearest_names(name.lower(), PREDICATES)
         hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(p.value for p in Predicate)}"
         raise MalformedGoal(f"unknown predicate {name!r} in goal {text!r}; {hint}")
     count = 1 if second is None else 2
@@ -298,7 +306,7 @@ def _true_for(graph: SceneGraph, literal: Literal, subject: str, bound: Mapping[
     """Return whether the literal (negation aside) is true of `subject`."""
     flag = _FLAGS.get(literal.predicate)
     if flag is not None:
-        return subject in graph.flags[flag]
+        return graph.has(flag, subject)
     assert literal.object is not None
     if literal.predicate is Predicate.IN_ROOM:
         return _in_room(graph, subject, str(literal.object))

@@ -19,7 +19,7 @@ from gavel_env.world_model.concepts import default_concepts, is_concept
 from gavel_env.world_model.layout import NO_LAYOUT, Layout
 from gavel_env.world_model.ontology import Category, Ontology
 
-__all__ = ["Flag", "Node", "Relation", "Room", "SceneGraph", "Support", "World"]
+__all__ = ["Flag", "Node", "Relation", "Room", "SceneGraph", "Support", "World", "all_flags"]
 
 
 V = TypeVar("V")
@@ -45,6 +45,15 @@ class Flag(enum.IntEnum):
     HOT = 5
     FROZEN = 6
     DIRTY = 7
+
+
+OWN_FLAGS: list[Flag] = []
+"""States of one's own (`own_actions.own_state`), in the order of their values behind those of `Flag`."""
+
+
+def all_flags() -> tuple[Flag, ...]:
+    """Return every state that there is: those of `Flag`, then those of one's own."""
+    return (*Flag, *OWN_FLAGS)
 
 
 class Room(NamedTuple):
@@ -136,7 +145,7 @@ class SceneGraph(msgspec.Struct, frozen=True):
         world: rooms, connections and categories.
         supports: object id -> its support; absent = location unknown.
         contents: holder object id -> ids directly on or in it, sorted.
-        flags: per `Flag`, the ids for which it holds.
+        flags: per `Flag`, the ids for which it holds; behind them, states of one's own as far as any were set.
         near: ids within reach of the robot.
         holding: id in the gripper, or None.
         robot_room: room of the robot, or None if the believed graph does not say.
@@ -154,7 +163,8 @@ class SceneGraph(msgspec.Struct, frozen=True):
 
     def has(self, flag: Flag, obj: str) -> bool:
         """Return whether `flag` holds for `obj`."""
-        return obj in self.flags[flag]
+        flags = self.flags
+        return flag < len(flags) and obj in flags[flag]
 
     def category(self, obj: str) -> Category:
         """Return c(obj)."""
@@ -250,6 +260,7 @@ class SceneGraph(msgspec.Struct, frozen=True):
     def with_flag(self, flag: Flag, objects: frozenset[str], *, value: bool = True) -> SceneGraph:
         """Return the graph with `flag` set (or cleared) for `objects`."""
         flags = list(self.flags)
+        flags += [frozenset()] * (flag + 1 - len(flags))
         flags[flag] = flags[flag] | objects if value else flags[flag] - objects
         return msgspec.structs.replace(self, flags=tuple(flags))
 
@@ -324,7 +335,7 @@ class SceneGraph(msgspec.Struct, frozen=True):
         for room in self.world.rooms.values():
             out.add_node(room.id, kind="room", category=room.type, flags=())
         for node in self.world.nodes.values():
-            held = tuple(flag.name.lower() for flag in Flag if node.id in self.flags[flag])
+            held = tuple(flag.name.lower() for flag in all_flags() if self.has(flag, node.id))
             out.add_node(node.id, kind="object", category=node.category.name, flags=held, fixed=node.fixed)
         out.add_node(ROBOT, kind="robot", category=ROBOT, flags=())
         for name, known in (("position", layout.positions), ("footprint", layout.footprints)):

@@ -16,7 +16,7 @@ import msgspec
 from gavel_env.data import read_bytes
 from gavel_env.errors import GraphError, UndeclaredCategory, nearest_names
 from gavel_env.world_model.actions import normalise_name
-from gavel_env.world_model.graph import ROBOT, Flag, Node, Relation, Room, SceneGraph, Support, World
+from gavel_env.world_model.graph import ROBOT, Flag, Node, Relation, Room, SceneGraph, Support, World, all_flags
 from gavel_env.world_model.layout import Layout, Point
 from gavel_env.world_model.ontology import Category, Ontology, default_ontology
 from gavel_env.world_model.own_categories import OwnCategory
@@ -287,13 +287,14 @@ class _Reader:
                 raise self.error(f"nodes[{i}].room", f"{entry.room!r}, but {obj!r} is in {support.holder!r}")
 
     def _flags(self) -> tuple[frozenset[str], ...]:
-        known = {flag.name.lower(): flag for flag in Flag}
+        known = {flag.name.lower(): flag for flag in all_flags()}
         holds: dict[Flag, set[str]] = {}
         for i, entry in enumerate(self.file.nodes):
             for k, name in enumerate(entry.flags):
                 self._known(name, known, f"nodes[{i}].flags[{k}]", "flag")
                 holds.setdefault(known[name], set()).add(entry.id)
-        return tuple(frozenset(holds.get(flag, ())) for flag in Flag)
+        last = max(holds, default=Flag.OPEN)
+        return tuple(frozenset(holds.get(flag, ())) for flag in all_flags() if flag < len(Flag) or flag <= last)
 
     def _next_to(self, nodes: Mapping[str, Node]) -> frozenset[tuple[str, str]]:
         pairs: set[tuple[str, str]] = set()
@@ -332,7 +333,7 @@ def _file_of(graph: SceneGraph) -> GraphFile:
                 id=node.id,
                 category=category.name,
                 fixed=None if node.fixed == (not category.liftable) else node.fixed,
-                flags=tuple(flag.name.lower() for flag in Flag if graph.has(flag, node.id)),
+                flags=tuple(flag.name.lower() for flag in all_flags() if graph.has(flag, node.id)),
                 position=layout.positions.get(node.id),
                 footprint=layout.footprints.get(node.id),
                 **at,

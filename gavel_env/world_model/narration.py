@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from gavel_env.errors import nearest_names
 from gavel_env.world_model.actions import Action, Primitive
-from gavel_env.world_model.dynamics import Profile, Violation, ViolationKind, first_violation
+from gavel_env.world_model.dynamics import PRECONDITION, Profile, Violation, ViolationKind, first_violation
 from gavel_env.world_model.graph import Flag, Relation, SceneGraph
 
 __all__ = ["REASONS", "command", "commands", "look", "nearest_commands", "outcome_text", "reason"]
@@ -51,6 +51,8 @@ _SHOWN = (Flag.TOGGLED, Flag.COOKED, Flag.WASHED, Flag.DRIED, Flag.HOT, Flag.FRO
 
 def reason(violation: Violation) -> str:
     """Return why an action is refused, in words."""
+    if violation.kind is PRECONDITION:
+        return f"it needs {violation.blocker}"
     return REASONS[violation.kind].format(x=violation.subject, blocker=violation.blocker)
 
 
@@ -59,7 +61,8 @@ def reason(violation: Violation) -> str:
 
 def command(action: Action) -> str:
     """Return an action as one says it: `go to fridge_0`."""
-    return f"{_VERBS[action.primitive]} {action.target}" if action.target else _VERBS[action.primitive]
+    verb = _VERBS.get(action.primitive) or action.primitive.name.lower().replace("_", " ")
+    return f"{verb} {', '.join(action.arguments)}" if action.target else verb
 
 
 def commands(graph: SceneGraph, profile: Profile = Profile.PAPER, find: Iterable[str] = ()) -> list[str]:
@@ -139,7 +142,7 @@ def outcome_text(action: Action, before: SceneGraph, after: SceneGraph, outcome:
         for obj in sorted(after.flags[flag] - before.flags[flag])
         if obj in before.world.nodes
     ]
-    return " ".join([did[action.primitive], *changed]) + shown
+    return " ".join([did.get(action.primitive, f"You {command(action)}."), *changed]) + shown
 
 
 def _stands_alone(graph: SceneGraph, obj: str) -> bool:

@@ -21,8 +21,9 @@ from typing import NamedTuple
 from gavel_env.errors import PddlNameError
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile
-from gavel_env.world_model.graph import Flag, Relation, SceneGraph
+from gavel_env.world_model.graph import OWN_FLAGS, Flag, Relation, SceneGraph
 from gavel_env.world_model.ontology import Category
+from gavel_env.world_model.own_actions_pddl import grounded_own_actions
 
 __all__ = ["BOOKKEEPING", "PddlNameError", "PddlTask", "action_of", "export_pddl", "state_facts"]
 
@@ -33,6 +34,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 _NOWHERE = "nowhere"
 _START = "start"
 _SEPARATOR = "--"
+_ARGUMENTS = "-and-"
 _ARITIES = {
     "near": 1,
     "holding": 1,
@@ -76,6 +78,8 @@ def state_facts(graph: SceneGraph) -> frozenset[str]:
     facts.update(_fact("next-to", a, b) for a, b in graph.next_to)
     for flag in Flag:
         facts.update(_fact(flag.name.lower(), o) for o in graph.flags[flag])
+    for flag in OWN_FLAGS:
+        facts.update(_fact(flag.name.lower(), o) for o in graph.world.nodes if graph.has(flag, o))
     for o, node in graph.world.nodes.items():
         if node.category.openable and o not in graph.flags[Flag.OPEN]:
             facts.add(_fact("shut", o))
@@ -337,6 +341,12 @@ def _conferred(s: _Structure, y: str, is_open: Mapping[str, bool]) -> tuple[list
     return adds, deletes
 
 
+def _own(s: _Structure) -> Iterator[_Operator]:
+    for step in grounded_own_actions(s.graph, s.objects):
+        open_first = [fact for o in step.accessible for fact in s.accessible(o)]
+        yield _Operator(step.action, [_EXPORTED, *step.needs, *open_first], step.adds, step.deletes)
+
+
 def export_pddl(graph: SceneGraph, profile: Profile = Profile.PAPER) -> PddlTask:
     """Return the state and everything that can be done next as a PDDL task.
 
@@ -352,7 +362,7 @@ def export_pddl(graph: SceneGraph, profile: Profile = Profile.PAPER) -> PddlTask
         PddlNameError: an object or room has a name that PDDL cannot write.
     """
     for name in (*graph.world.nodes, *graph.world.rooms):
-        if not _NAME.fullmatch(name) or _SEPARATOR in name or name in (_NOWHERE, _START):
+        if not _NAME.fullmatch(name) or _SEPARATOR in name or _ARGUMENTS in name or name in (_NOWHERE, _START):
             raise PddlNameError(f"{name!r} is no PDDL name; names match {_NAME.pattern} without {_SEPARATOR!r}")
     s = _Structure(graph)
     hand = [_EMPTY] if profile is Profile.OMNIGIBSON else []
@@ -363,9 +373,11 @@ def export_pddl(graph: SceneGraph, profile: Profile = Profile.PAPER) -> PddlTask
         *_placements(s),
         *_doors(s, hand),
         *_switches(s, hand),
+        *_own(s),
     ]
     constants = " ".join((*s.objects, *sorted(graph.world.rooms), _NOWHERE, _START))
-    predicates = " ".join(f"({name}{''.join(f' ?x{i}' for i in range(n))})" for name, n in _ARITIES.items())
+    arities = _ARITIES | {flag.name.lower(): 1 for flag in OWN_FLAGS}
+    predicates = " ".join(f"({name}{''.join(f' ?x{i}' for i in range(n))})" for name, n in arities.items())
     actions = "\n".join(_write(index, operator) for index, operator in enumerate(operators))
     domain = (
         f"(define (domain gavel)\n(:requirements :strips)\n(:constants {constants})\n"
@@ -380,7 +392,9 @@ def _write(index: int, operator: _Operator) -> str:
     added = list(dict.fromkeys(operator.adds))
     gone = dict.fromkeys(fact for fact in operator.deletes if fact not in set(added))
     effects = " ".join((*added, *(f"(not {fact})" for fact in gone)))
-    name = _SEPARATOR.join((operator.action.primitive.name.lower(), operator.action.target or "", str(index)))
+    name = _SEPARATOR.join(
+        (operator.action.primitive.name.lower(), _ARGUMENTS.join(operator.action.arguments), str(index))
+    )
     needs = " ".join(operator.needs)
     return f"(:action {name}\n:parameters ()\n:precondition (and {needs})\n:effect (and {effects}))"
 
@@ -388,4 +402,5 @@ def _write(index: int, operator: _Operator) -> str:
 def action_of(operator: str) -> Action:
     """Return the primitive that an operator of an export stands for, by the operator's name."""
     primitive, target, _ = operator.strip("()").split(_SEPARATOR)
-    return Action(Primitive[primitive.upper()], target or None)
+    first, *others = target.split(_ARGUMENTS)
+    return Action(Primitive[primitive.upper()], first or None, tuple(others))

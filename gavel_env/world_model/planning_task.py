@@ -15,10 +15,12 @@ from functools import cache
 from importlib import resources
 from typing import NamedTuple
 
-from gavel_env.world_model.actions import Action, Primitive
+from gavel_env.world_model.actions import Action, Primitive, own_step
 from gavel_env.world_model.dynamics import Profile
 from gavel_env.world_model.goals import GoalText, as_goal
-from gavel_env.world_model.graph import Flag, Relation, SceneGraph
+from gavel_env.world_model.graph import Relation, SceneGraph, all_flags
+from gavel_env.world_model.own_actions import own_action
+from gavel_env.world_model.own_actions_pddl import with_own_actions
 from gavel_env.world_model.planning_goal import Expression, GoalWriter, state_name
 
 __all__ = ["Expression", "PlanningTask", "household_domain", "planning_task", "state_of"]
@@ -41,8 +43,12 @@ class PlanningTask(NamedTuple):
 
     @property
     def domain(self) -> str:
-        """The domain, as PDDL."""
-        return household_domain()
+        """The domain, as PDDL, with actions of one's own.
+
+        Raises:
+            NotExpressible: one of those needs or does what PDDL cannot say.
+        """
+        return with_own_actions(household_domain())
 
     @property
     def problem(self) -> str:
@@ -55,8 +61,10 @@ class PlanningTask(NamedTuple):
         )
 
     def action(self, name: str, arguments: Sequence[str]) -> Action:
-        """Return the primitive that a step of a plan stands for; the last argument is the target."""
+        """Return the primitive that a step of a plan stands for; the last argument is the target of the nine."""
         primitive = Primitive[name.replace("-", "_").upper()]
+        if own_action(primitive) is not None:
+            return own_step(primitive, [self.things[a] for a in arguments])
         target = self.things[arguments[-1]] if primitive.takes_target else None
         return Action(primitive, target)
 
@@ -180,7 +188,7 @@ def state_of(graph: SceneGraph, objects: Sequence[str]) -> Iterator[Fact]:
             yield ("near", o)
         if graph.is_shut(o):
             yield ("shut", o)
-        yield from ((state_name(flag.name.lower()), o) for flag in Flag if o in graph.flags[flag])
+        yield from ((state_name(flag.name.lower()), o) for flag in all_flags() if graph.has(flag, o))
     for a, b in sorted(graph.next_to):
         if a in known and b in known:
             yield ("next-to", a, b)
