@@ -17,7 +17,7 @@ NAMES = st.from_regex(r"[a-z][a-z0-9]*(_[a-z0-9]+){0,3}", fullmatch=True).filter
 )
 TARGETS = st.one_of(NAMES, st.builds("{}@{}".format, NAMES, NAMES))
 ACTIONS = st.one_of(
-    st.builds(Action, st.sampled_from([p for p in Primitive if p.takes_target]), TARGETS),
+    st.builds(Action, st.sampled_from([p for p in Primitive if p.takes_target]), TARGETS, st.just(())),
     st.just(Action(Primitive.RELEASE)),
 )
 
