@@ -142,6 +142,7 @@ def evaluate(
     out: str | Path | None = None,
     existing: Literal["refuse", "resume", "fresh"] = "refuse",
     workers: int = 1,
+    connections: int | None = None,
     timeout_s: float | None = None,
     report: Callable[[EpisodeRecord], None] | None = None,
 ) -> Results:
@@ -163,6 +164,7 @@ def evaluate(
         out: folder for the records; default a new temporary folder.
         existing: what to do if the folder has records: refuse, resume them, or set them aside and begin fresh.
         workers: processes; 1 runs everything in this one, which agent classes need.
+        connections: calls of each language model under way at once; default several where planners are servers.
         timeout_s: seconds of wall clock per episode.
         report: called with every new record.
 
@@ -189,7 +191,14 @@ def evaluate(
     plan = schedule(contestants, _sets(instructions), seeds, sampled=sample, limit=limit, settings=settings)
     folder = Path(tempfile.mkdtemp(prefix="gavel-")) if out is None else Path(out)
     path = run(
-        plan, folder, existing=existing, workers=workers, timeout_s=timeout_s, report=report, arguments={"api": True}
+        plan,
+        folder,
+        existing=existing,
+        workers=workers,
+        connections=connections,
+        timeout_s=timeout_s,
+        report=report,
+        arguments={"api": True},
     )
     return Results(path)
 

@@ -98,6 +98,7 @@ def _slim(record: EpisodeRecord, who: Contestant) -> EpisodeRecord:
         outcome=sys.intern(record.outcome),
         failure=sys.intern(record.failure),
         model=sys.intern(record.model),
+        decoding={sys.intern(name): value for name, value in record.decoding.items()},
         trace=AgentTrace(
             attempts=trace.attempts,
             expected_m=trace.expected_m,

@@ -50,7 +50,7 @@ def _published(experiment: Experiment, row: Row, section: Section) -> tuple[str,
     ours = PUBLISHED[experiment.name]
     if ("", agent) in ours:
         return "", ours["", agent]
-    model = published_model(row.contestant.planner or " ".join(section.models))
+    model = published_model(row.contestant.planner, section.models[0] if len(section.models) == 1 else "")
     return model, ours.get((model, agent))
 
 

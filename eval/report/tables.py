@@ -57,7 +57,7 @@ class Section(NamedTuple):
         benchmark: kind, file and stamps.
         instructions: number scheduled, rejected lines included.
         seeds: in order.
-        models: names that language models gave themselves, sorted.
+        models: names that language models gave themselves, with their decoding, sorted.
         rows: in the order in which contestants were first scheduled.
         compared: positions in `rows` of those whose metres are matched.
         matched: number of (instruction, seed) pairs that all compared contestants solved.
@@ -214,13 +214,19 @@ def _section(
         benchmark=scheduled.benchmark,
         instructions=len({key.instruction for key in everything}),
         seeds=tuple(sorted({key.seed for key in everything})),
-        models=tuple(sorted({records[key].model for key in everything if key in records} - {""})),
+        models=tuple(sorted({_model(records[key]) for key in everything if key in records} - {""})),
         rows=tuple(rows),
         compared=tuple(i for i, config in enumerate(scheduled.keys) if config in compared),
         matched=sum(map(len, common.values())),
         part=part,
         keys=tuple(tuple(keys) for keys in scheduled.keys.values()),
     )
+
+
+def _model(record: EpisodeRecord) -> str:
+    """Return the name that a language model gave itself, with its decoding."""
+    decoding = ", ".join(f"{name} {value}" for name, value in sorted(record.decoding.items()))
+    return f"{record.model} ({decoding})" if record.model and decoding else record.model
 
 
 def _common(solved: Sequence[Mapping[int, Mapping[str, float]]]) -> dict[int, list[str]]:

@@ -83,8 +83,8 @@ RESIDUAL_MULTI: Mapping[str, int] = {"understanding": 21, "proposal": 5, "unmet 
 """Failures of the paper's GAVEL that remain in experiment 2, as its text counts them."""
 
 
-def published_model(model: str) -> str:
-    """Return the paper's model whose name a model's name has in it, else `DEFAULT_MODEL`."""
-    plain = "".join(filter(str.isalnum, model.lower()))
+def published_model(*names: str) -> str:
+    """Return the paper's model whose name is in one of some names (planner specs, models), else `DEFAULT_MODEL`."""
+    plain = " ".join("".join(filter(str.isalnum, name.lower())) for name in names)
     named = (name for name in MODELS if "".join(filter(str.isalnum, name.lower())) in plain)
     return next(named, DEFAULT_MODEL)

@@ -51,7 +51,8 @@ def test_published_figures_stand_beside_the_model_that_they_are_of() -> None:
     assert published_model("hf:Qwen/Qwen3-4B?batch=8") == "Qwen3-4B"
     assert published_model("openai:qwen3_8b@http://127.0.0.1/v1") == "Qwen3-8B"
     assert published_model("anthropic:claude-sonnet-5-20260101") == "Claude Sonnet 5"
-    assert published_model("replay:single") == "Qwen3-8B"
+    assert published_model("replay:single", "qwen2.5-coder-1.5b") == "Qwen3-8B"
+    assert published_model("replay:mine.jsonl.gz", "Qwen3-4B (temperature 0.7)") == "Qwen3-4B"
 
 
 @pytest.mark.parametrize(
