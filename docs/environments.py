@@ -1,4 +1,4 @@
-"""Writes docs/environments.md from the environment's docstring, its spaces and the text below.
+"""Writes docs/reference/environments.md from the environment's docstring, its spaces and the text below.
 
 python docs/environments.py
 """
@@ -15,7 +15,7 @@ from gavel_env.envs.text_game import TextGame
 from gavel_env.envs.wrappers import FlatActions, PaddedGraph, TextActions
 from gavel_env.world_model.dynamics import ViolationKind
 
-PAGE = Path(__file__).with_suffix(".md")
+PAGE = Path(__file__).parent / "reference" / "environments.md"
 
 BEGINNING = """\
 # Environments
@@ -23,7 +23,7 @@ BEGINNING = """\
 Importing `gavel_env` registers these environments with Gymnasium: `Gavel-SingleTask-v0` (one task per instruction, at
 most 200 steps), `Gavel-MultiTask-v0` (two to five independent tasks, at most 500 steps) and `Gavel-Behavior-v0`
 ([BEHAVIOR's activities](behavior.md), at most 500 steps). All are `gavel_env.GavelEnv` with another instruction file.
-`Gavel-RL-v0` is the same for [reinforcement learning](learners.md), which also tells of the game in words.
+`Gavel-RL-v0` is the same for [reinforcement learning](../howto/learners.md), which also tells of the game in words.
 
 ```python
 import gymnasium as gym
@@ -59,7 +59,7 @@ assert numbers in env.action_space
 env.step(numbers)
 ```
 
-Instructions of one's own are records (docs/instructions.md) or a file of them:
+Instructions of one's own are records ([format](../howto/instructions.md)) or a file of them:
 
 ```python
 record = {

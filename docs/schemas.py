@@ -1,4 +1,4 @@
-"""Writes docs/schemas/graph.schema.json and categories.schema.json from the types that read those files."""
+"""Writes graph.schema.json and categories.schema.json (docs/reference/schemas) from the types that read those files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import msgspec
 from gavel_env.world_model.graph_file import FORMAT, GraphFile
 from gavel_env.world_model.own_categories import CategoryFile
 
-FOLDER = Path(__file__).parent / "schemas"
+FOLDER = Path(__file__).parent / "reference" / "schemas"
 
 
 def schemas() -> dict[str, Any]:

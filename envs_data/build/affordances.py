@@ -1,4 +1,4 @@
-"""The rules that turn BEHAVIOR's annotations into affordances; docs/data.md explains them.
+"""The rules that turn BEHAVIOR's annotations into affordances; docs/reference/data.md explains them.
 
 Openable, toggleable, heat and cold sources, cookable, heatable and freezable are annotated in bddl and read as they
 are. What bddl does not annotate is decided by the tables below, over synsets and measured sizes, never by the code
@@ -70,7 +70,7 @@ MOUTH_M = 0.12
 SMALL_MOUTH_M = 0.06
 FLAT_M = 0.05
 
-# One hand: see docs/data.md.
+# One hand: see docs/reference/data.md.
 LONGEST_SIDE_M = 0.7
 LONGEST_TOOL_M, TOOL_WIDTH_M, TOOL_KG = 1.6, 0.55, 3.0
 LONGEST_CLOTH_M = 2.5

@@ -1,4 +1,4 @@
-"""Build `envs_data/concepts.json`: what people's words for things and rooms name (docs/concepts.md).
+"""Build `envs_data/concepts.json`: what people's words for things and rooms name (docs/explanation/concepts.md).
 
 Run as `python -m envs_data.build.concepts`; the result is byte-identical each time. Words come from four sources; where
 two know a word, the earlier one says what it names:

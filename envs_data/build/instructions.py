@@ -2,7 +2,7 @@
 
     python -m envs_data.build.instructions [single|multi|validation|train ...]
 
-Deterministic: the same scenes, vocabulary, templates and evidence give the same bytes (docs/benchmarks.md).
+Deterministic: the same scenes, vocabulary, templates and evidence give the same bytes (docs/reference/benchmarks.md).
 """
 
 from __future__ import annotations

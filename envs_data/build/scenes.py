@@ -2,7 +2,7 @@
 
     python -m envs_data.build.scenes [SCENE ...]
 
-Deterministic: the same sources give the same bytes (docs/scenes.md).
+Deterministic: the same sources give the same bytes (docs/howto/scenes.md).
 """
 
 from __future__ import annotations

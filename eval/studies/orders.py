@@ -2,7 +2,7 @@
 
 `gavel-map`, `gavel-static` and `gavel-full` each execute the certified reference plans in the order that they choose.
 The question is only whether the three orders are the same, never who drives less. `gavel tasks list --orders` prints
-the share of a set; the multi-task benchmark is drawn so that about 70 % differ (docs/benchmarks.md).
+the share of a set; the multi-task benchmark is drawn so that about 70 % differ (docs/reference/benchmarks.md).
 """
 
 from __future__ import annotations

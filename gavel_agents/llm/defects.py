@@ -1,7 +1,7 @@
 """How language models break plans: one small edit per published kind of first defect.
 
 Kinds and counts are those of 57 bad first plans of a real 8-billion-parameter model on 100 single tasks
-(docs/agents.md). An edit returns the broken plan, or None where it does not fit.
+(docs/reference/agents.md). An edit returns the broken plan, or None where it does not fit.
 """
 
 from __future__ import annotations

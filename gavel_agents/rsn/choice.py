@@ -7,7 +7,7 @@ A category c chooses among the rooms of its house, P(r | c, house) = softmax ove
 
 a multinomial logit with ridge penalties. Known categories have a residual of their own; weights of room types are
 shared between types of similar names, so that a type never seen borrows from its kin. Not in the paper:
-docs/beliefs.md compares.
+docs/explanation/beliefs.md compares.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""BEHAVIOR activities: their definitions, and how they are grounded in scenes and worded (docs/behavior.md)."""
+"""BEHAVIOR activities: definitions, how they are grounded in scenes and worded (docs/reference/behavior.md)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The robot and its camera, as one frozen record with units in the names.
 
 The camera is OmniGibson's default sensor (aperture 20.995 mm, focal length 17 mm: 63.4 degrees); radius and reach are
-those of docs/design.md. The paper gives no radius: at 0.35 m many measured doorways close, hence 0.25 m.
+those of docs/explanation/design.md. The paper gives no radius: at 0.35 m many measured doorways close, hence 0.25 m.
 """
 
 from __future__ import annotations

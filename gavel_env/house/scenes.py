@@ -1,7 +1,7 @@
 """Scenes: rooms, walls, doorways and furniture of the 51 BEHAVIOR-1K scenes.
 
-One JSON file per scene (`envs_data/scenes/<name>.json`, format `gavel-scene/1`, docs/scenes.md), read into the frozen
-structs below. Units are metres; x points right, y points down, yaw is degrees clockwise on the picture.
+One JSON file per scene (`envs_data/scenes/<name>.json`, format `gavel-scene/1`, docs/howto/scenes.md), read into the
+frozen structs below. Units are metres; x points right, y points down, yaw is degrees clockwise on the picture.
 """
 
 from __future__ import annotations

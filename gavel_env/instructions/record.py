@@ -1,4 +1,4 @@
-"""Instruction files: JSON Lines, one certified (or yet uncertified) instruction per line (docs/instructions.md).
+"""Instruction files: JSON Lines, one certified (or yet uncertified) instruction per line (docs/howto/instructions.md).
 
 An instruction says the scene, the sentence, where the movables are placed, and its tasks: each with its own sentence,
 goal literals and reference plan as text actions.
@@ -53,7 +53,7 @@ class Placement(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_de
 class TaskSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """A task I_i: sentence, goal literals g_i and reference plan, each in text form.
 
-    `conditions` are what literals cannot say (docs/behavior.md), in JSON form; they hold together with the literals.
+    `conditions` are what literals cannot say (docs/reference/behavior.md), in JSON form; both must hold.
     """
 
     text: str

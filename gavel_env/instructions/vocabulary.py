@@ -1,7 +1,7 @@
 """The words of the benchmarks: what movables, furniture and rooms are called, and what each piece is used for.
 
-Data: `envs_data/vocabulary.json` (docs/instructions.md). Every noun names one category only, so that a sentence says
-which category it means.
+Data: `envs_data/vocabulary.json` (docs/howto/instructions.md). Every noun names one category only, so that a
+sentence says which category it means.
 """
 
 from __future__ import annotations

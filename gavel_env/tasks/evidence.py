@@ -1,7 +1,8 @@
 """Where BEHAVIOR puts things: counts from its 1,016 activities and from the contents of its 51 scenes.
 
-`load_evidence()` reads `envs_data/placement_evidence.json` (format `gavel-placement-evidence/1`, docs/data.md), which
-`python -m envs_data.build.evidence` builds. The benchmarks place movables after it; the world model never reads it.
+`load_evidence()` reads `envs_data/placement_evidence.json` (format `gavel-placement-evidence/1`, see
+docs/reference/data.md), which `python -m envs_data.build.evidence` builds. The benchmarks place movables after it; the
+world model never reads it.
 """
 
 from __future__ import annotations

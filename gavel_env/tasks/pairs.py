@@ -1,8 +1,8 @@
 """Instruction-target pairs for training and scoring understanding: splits `train` and `validation`.
 
-A pair is a text and, for each of its tasks, the target that understanding must give (docs/instructions.md). Pairs are
-drawn in all scenes with the templates and object pairs of their split alone. Goals and relations are what the errand
-means; nothing is executed, so a pair needs no placements and no plan.
+A pair is a text and, for each of its tasks, the target that understanding must give (docs/howto/instructions.md). Pairs
+are drawn in all scenes with the templates and object pairs of their split alone. Goals and relations are what the
+errand means; nothing is executed, so a pair needs no placements and no plan.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Every record is the best of a few candidates: the one after which the running figures of the set (primitives, rooms,
 predicates, rooms said) are nearest to the figures wanted. The choice looks at the set's description alone, never at how
-any agent fares. Figures wanted: docs/benchmarks.md.
+any agent fares. Figures wanted: docs/reference/benchmarks.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The templates: clauses, wrappers and joining phrases by split (`envs_data/templates.json`, docs/instructions.md)."""
+"""Templates: clauses, wrappers, joining phrases by split (`envs_data/templates.json`, docs/howto/instructions.md)."""
 
 from __future__ import annotations
 

@@ -6,8 +6,8 @@ stand wherever the name of a category or of a room does: `any_cabinet@kitchen`, 
 `in_room(mug, any_office)`. The prefix keeps both apart: `fridge` stays the one category of that name, `any_sink` is
 whatever people call a sink.
 
-The table is data (`envs_data/concepts.json`, docs/concepts.md): words and phrases in the singular, each with what it
-names, and the concepts with their members, the one that people think of first in front.
+The table is data (`envs_data/concepts.json`, docs/explanation/concepts.md): words and phrases in the singular, each
+with what it names, and the concepts with their members, the one that people think of first in front.
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         cookable: becomes cooked in or on a heat source.
         heatable: becomes hot in or on a heat source.
         freezable: becomes frozen in a cold source that freezes.
-        graspable: one hand can lift it (rule: docs/data.md).
+        graspable: one hand can lift it (rule: docs/reference/data.md).
         carryable: both arms can carry it, though one hand cannot: what BEHAVIOR's activities want moved. Counts for
             what an instruction adds to a scene; a scene's own pieces stay where they are.
         safety_critical: must not be left switched on (heat or water source, or confers a state).

@@ -1,7 +1,7 @@
 """Export of a state as grounded PDDL, so that other planners can check (and search) the transition model.
 
-Written from the action table of docs/design.md, not from `dynamics`: it reads a graph's supports and flags and the
-ontology, and shares no precondition or effect with the module that it checks.
+Written from the action table of docs/explanation/design.md, not from `dynamics`: it reads a graph's supports and
+flags and the ontology, and shares no precondition or effect with the module that it checks.
 
 The target is plain STRIPS, which every planner reads: no negative preconditions (a door is `open` or `shut`, the hand
 holds something or is `hand-empty`) and no conditional effects. What depends on who holds whom is compiled in: every

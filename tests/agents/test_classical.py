@@ -239,7 +239,7 @@ def test_a_wrong_understanding_fails_with_the_classical_planner_and_not_with_cer
 
 @pytest.mark.parametrize("kind", ["single", "multi"])
 def test_llm_p_carries_out_the_benchmarks(kind: str) -> None:
-    """Every ninth instruction of both; all of them: docs/results.md."""
+    """Every ninth instruction of both; all of them: docs/explanation/results.md."""
     instructions = {i.id: i for i in list(read_instructions(shipped(kind)).values())[::9]}
     env = gym.make(
         "Gavel-MultiTask-v0", instructions=instructions.values(), terminate_on_success=False, observation="symbolic"

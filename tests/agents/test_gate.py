@@ -23,7 +23,9 @@ from gavel_env.world_model.dynamics import Profile
 from gavel_env.world_model.goals import Goal, as_goal, parse_goal, parse_literal, unmet
 from gavel_env.world_model.verdict import navigations, validate
 
-SCHEMA = json.loads((Path(__file__).parents[2] / "docs" / "schemas" / "verdict.schema.json").read_text("utf-8"))
+SCHEMA = json.loads(
+    (Path(__file__).parents[2] / "docs" / "reference" / "schemas" / "verdict.schema.json").read_text("utf-8")
+)
 LAB = {
     "format": "gavel-graph/1",
     "rooms": [{"id": "lab"}, {"id": "store"}],

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 DOCS = Path(__file__).parents[2] / "docs"
+PAGE = DOCS / "reference" / "environments.md"
 
 
 def test_page_is_made_from_the_code_as_it_is() -> None:
@@ -19,6 +20,6 @@ def test_page_is_made_from_the_code_as_it_is() -> None:
 
 
 def test_code_on_the_page_runs() -> None:
-    blocks = re.findall(r"```python\n(.*?)```", (DOCS / "environments.md").read_text(encoding="utf-8"), re.DOTALL)
+    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert len(blocks) >= 4
     exec(compile("\n".join(blocks), "environments.md", "exec"), {"__name__": "__main__"})

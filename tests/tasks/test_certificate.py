@@ -311,7 +311,7 @@ def test_every_check_says_what_it_means() -> None:
 
 
 def test_the_documented_instruction_is_certified() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "instructions.md").read_text("utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "howto" / "instructions.md").read_text("utf-8")
     blocks = page.split("```json\n")[1:]
     record = msgspec.json.decode(blocks[0].split("```")[0].encode(), type=Instruction)
     target = msgspec.json.decode(blocks[1].split("```")[0].encode())

@@ -25,7 +25,7 @@ from gavel_env.world_model.ontology import default_ontology
 from gavel_env.world_model.travel import travel_cost
 from gavel_env.world_model.verdict import validate
 
-SCHEMAS = Path(__file__).parents[2] / "docs" / "schemas"
+SCHEMAS = Path(__file__).parents[2] / "docs" / "reference" / "schemas"
 LAB = {
     "format": "gavel-graph/1",
     "rooms": [
