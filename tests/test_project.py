@@ -127,7 +127,7 @@ def test_python_in_readme_and_docs_runs(page: Path, tmp_path: Path) -> None:
 def test_commands_in_readme_and_docs_exist(page: Path) -> None:
     """Every `$ gavel ...` line parses, and every `$ make ...` line names a target."""
     targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
-    for line in re.findall(r"^\$ (.+)$", page.read_text("utf-8"), re.MULTILINE):
+    for line in re.findall(r"^\$ (.+)$", page.read_text("utf-8").replace("\\\n", ""), re.MULTILINE):
         program, *arguments = shlex.split(line, comments=True)
         if program == "make":
             assert arguments[0] in targets, line
