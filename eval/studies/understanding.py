@@ -1,7 +1,8 @@
 """How much of an instruction an understanding gets right.
 
 A goal is exact if its literals denote what the meant ones denote in that house: the same instances under the same
-predicates, whatever they are called. Beside it stand exact match and F1 of the text forms of objects, relations, goals
+predicates, whatever they are called. Where a record says how much its words may cover (`denotes`, docs/voices.md), a
+literal is right within those bounds. Beside it stand exact match and F1 of the text forms of objects, relations, goals
 and tasks. A refusal is right in nothing, and so is a question, unless the author of the record answers it.
 """
 
@@ -12,7 +13,7 @@ from typing import NamedTuple
 
 from eval.studies.author import Author
 from gavel_agents.understanding import BatchedUnderstanding, Decomposition, Rooms, Understanding
-from gavel_agents.understanding.pairs import Sample, Target
+from gavel_agents.understanding.pairs import Denotes, Extent, Sample, Target
 from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.initial_graph import instruction_graph
 from gavel_env.world_model.goals import Designator, Literal, Predicate, fitting, parse_literal
@@ -106,6 +107,7 @@ class Report(NamedTuple):
         return dict(sorted(found.items()))
 
 
+_Denoted = tuple[Predicate, frozenset[str], frozenset[str], bool]
 _CHUNK = 64
 """Texts that are put to a model together."""
 _MOST_ANSWERS = 8
@@ -197,10 +199,43 @@ def goals_denote_the_same(sample: Sample, got: Decomposition) -> bool:
     said = [literal for task in got.tasks for literal in task.goal.literals]
     if any(task.goal.conditions for task in got.tasks):
         return False
-    return {_denoted(graph, literal) for literal in said} == {_denoted(graph, literal) for literal in meant}
+    found = {_denoted(graph, literal) for literal in said}
+    bounds = list(_each([bound for task in sample.tasks for bound in task.denotes]))
+    if bounds:
+        return _paired(sorted(found, key=str), bounds)
+    return found == {_denoted(graph, literal) for literal in meant}
 
 
-_Denoted = tuple[Predicate, frozenset[str], frozenset[str], bool]
+def _each(bounds: Sequence[Denotes]) -> Iterator[Denotes]:
+    """Yield the bounds, with `both mugs`, which stands there once for each mug, as the one and the other."""
+    for index, bound in enumerate(bounds):
+        alike = [other for other in bounds if other == bound]
+        things = sorted(bound.subject.least)
+        if len(alike) > 1 and len(things) == len(alike) and bound.subject.least == bound.subject.most:
+            one = frozenset({things[sum(other == bound for other in bounds[:index])]})
+            yield Denotes(bound.predicates, Extent(one, one), bound.object, bound.negated)
+        else:
+            yield bound
+
+
+def _paired(found: Sequence[_Denoted], bounds: Sequence[Denotes]) -> bool:
+    """Return whether each literal that was understood is one that was meant, and each that was meant is understood."""
+    if len(found) != len(bounds):
+        return False
+    if not found:
+        return True
+    first, rest = found[0], found[1:]
+    return any(
+        _within(first, bound) and _paired(rest, [*bounds[:index], *bounds[index + 1 :]])
+        for index, bound in enumerate(bounds)
+    )
+
+
+def _within(found: _Denoted, bound: Denotes) -> bool:
+    predicate, subjects, objects, negated = found
+    fits = bound.subject.least <= subjects <= bound.subject.most
+    placed = bound.object.least <= objects <= bound.object.most
+    return predicate.value in bound.predicates and negated == bound.negated and fits and placed
 
 
 def _denoted(graph: SceneGraph | None, literal: Literal) -> _Denoted:

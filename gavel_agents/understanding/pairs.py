@@ -10,16 +10,33 @@ from gavel_env.data import decode, is_path, read_lines, shipped_data
 from gavel_env.errors import DataError
 from gavel_env.instructions.record import Instruction, read_instructions, shipped
 
-__all__ = ["Sample", "Target", "read_samples"]
+__all__ = ["Denotes", "Extent", "Sample", "Target", "read_samples"]
+
+
+class Extent(msgspec.Struct, frozen=True):
+    """How much a word covers: the instances that it must denote, and those that it may."""
+
+    least: frozenset[str] = frozenset()
+    most: frozenset[str] = frozenset()
+
+
+class Denotes(msgspec.Struct, frozen=True):
+    """What a goal literal may denote in its house, where people's words leave that open (docs/voices.md)."""
+
+    predicates: tuple[str, ...]
+    subject: Extent
+    object: Extent = Extent()
+    negated: bool = False
 
 
 class Target(msgspec.Struct, frozen=True):
-    """What understanding one task must give, in text form."""
+    """What understanding one task must give, in text form; `denotes` says what its goal may denote, or nothing."""
 
     text: str
     objects: tuple[str, ...]
     relations: tuple[str, ...]
     goal: tuple[str, ...]
+    denotes: tuple[Denotes, ...] = ()
 
 
 class Sample(msgspec.Struct, frozen=True):

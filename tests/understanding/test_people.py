@@ -183,7 +183,7 @@ def test_one_slip_in_short_words_and_two_in_long_ones() -> None:
 # --- floors ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("split", "exact", "wrong"), [("dev", 0.45, 0.14), ("test", 0.29, 0.18)])
+@pytest.mark.parametrize(("split", "exact", "wrong"), [("dev", 0.50, 0.12), ("test", 0.36, 0.16)])
 def test_floors_of_the_voices(split: str, exact: float, wrong: float) -> None:
     report = evaluate(RULES, [sample for sample in read_samples("voices") if sample.split == split])
     assert report.goals_exact >= exact * report.instructions

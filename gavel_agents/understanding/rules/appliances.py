@@ -159,6 +159,10 @@ def run(discourse: Discourse, act: Act) -> None:
             act.goals.append(Literal(Predicate.TOGGLED, designator_of(entity), None, off))
         else:
             raise Abstention("cannot_switch", f"{said(entity)!r} has no switch")
+    if not act.goals and frame.word.startswith("light") and not named:
+        switch = _there(Entity("electric_switch"), act)  # so much light in the hall was on
+        act.mentions.append(switch)
+        act.goals.append(Literal(Predicate.TOGGLED, designator_of(switch), None, off))
     if not act.goals:
         raise Abstention("no_antecedent", f"what shall be switched {'off' if off else 'on'}?")
 

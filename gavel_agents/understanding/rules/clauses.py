@@ -106,15 +106,21 @@ class Clauses(Phrases):
             complete and frame.elements and isinstance(frame.elements[-1], Separator)
         ):
             self.close()
-        elif frame.mood != "do" or frame.verb:
+        elif (
+            frame.mood != "do"
+            or frame.verb
+            or any(isinstance(e, Part) and e.word in ("on", "off") for e in frame.elements)
+        ):
             subject = self.split_subject()
             aside = self.frame.aside
             self.close()
             self.frame.elements = subject
             self.frame.aside = aside
+        if self.frame.aside and token.text in ("was", "were"):
+            self.frame.told = True
         frame = self.frame
         wished = token.kind is Kind.WISH or frame.marked
-        frame.told = token.value == "told"
+        frame.told = token.value == "told" or (frame.aside and token.text in ("was", "were"))
         frame.mood, frame.verb, frame.word = ("wish" if wished and not frame.told else "fact"), "BE", token.text
 
     def split_subject(self) -> list[Element]:
@@ -159,7 +165,8 @@ class Clauses(Phrases):
         nameless = (
             not frame.verb and frame.mood == "do" and frame.of(Unknown) and not frame.of(Entity) + frame.of(Phrase)
         )
-        if nameless and not after_separator and (token.form == "ed" or is_past(token.text)):
+        begins = token.value in ("RUN", "OPEN", "CLOSE")  # the meeting starts
+        if nameless and not after_separator and (token.form == "ed" or is_past(token.text) or begins):
             frame.mood, frame.verb, frame.word, frame.told = "fact", "BE", token.text, True
             return  # Rosa brought …
         if self.modifies(token):

@@ -195,10 +195,6 @@ class Discourse:
             return several
         if pronoun.both and len(self.focus) == 1 and len(pending) > 1:
             return pending  # pick up the doll; pick up the car; both go on the bed
-        if not self.focus and not self.known and pronoun.weak:
-            return []
-        if not self.focus and not self.known:
-            raise Abstention("no_antecedent", "a pronoun stands for nothing said before")
         return list(self.focus or self.known[-1:])
 
     def _rides(self, thing: Entity) -> bool:

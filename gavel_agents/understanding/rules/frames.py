@@ -22,7 +22,7 @@ from gavel_agents.understanding.rules.elements import (
     Separator,
 )
 from gavel_agents.understanding.rules.lexer import Token
-from gavel_agents.understanding.rules.stream import ACTS, SEPARATORS, STARTS_NOUN
+from gavel_agents.understanding.rules.stream import ACTS, SEPARATORS, STARTS_NOUN, goes
 from gavel_agents.understanding.rules.words import Kind
 
 __all__ = ["frames_of"]
@@ -132,8 +132,13 @@ class _Reader(Clauses):
         elif kind is Kind.ARROW:
             self.arrow()
         elif kind in (Kind.ASIDE, Kind.IF):
+            following = self.peek()
             self.close()
-            self.frame.aside = True
+            wants = following is not None and following.kind is Kind.VERB and following.value == "GET"
+            if token.text.endswith((" i", " we")) and wants:
+                self.subject = True  # so I want …
+            else:
+                self.frame.aside = True
         elif kind is Kind.CORRECTION:
             self.close()
             self.frame.corrects = True
@@ -205,7 +210,7 @@ class _Reader(Clauses):
         following = self.peek()
         if following is None or frame.verb or frame.mood != "do" or not frame.of(Entity):
             return False
-        if any(isinstance(e, Entity) and not e.movable for e in frame.elements) or frame.of(Phrase):
+        if any(isinstance(e, Entity) and not e.movable for e in frame.elements) or goes(frame):
             return False
         ahead = 0
         while self.kind(ahead) in (Kind.DETERMINER, Kind.ADJECTIVE, Kind.UNKNOWN):

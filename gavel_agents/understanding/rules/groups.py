@@ -151,7 +151,10 @@ def _end_of(discourse: Discourse, act: Act, group: Group, *, alone: bool) -> Phr
     """State the locations of a group; return the phrase that says where it goes."""
     going = group.going
     for phrase, owner in group.phrases:
-        if locates(phrase) or phrase is not going[-1]:
+        if phrase.preposition == "arrow" and phrase is not going[-1]:
+            for thing in group.things:
+                discourse.wish(act, thing, phrase)  # scarf: washer, then dryer
+        elif locates(phrase) or phrase is not going[-1]:
             locate(discourse, act, group, phrase, owner, spreads=alone or bool(going))
     return going[-1] if going else None
 

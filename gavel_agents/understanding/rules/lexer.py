@@ -140,6 +140,11 @@ def _persons(tokens: Sequence[Token]) -> list[Token]:
     """Return the tokens with `the guest wanted` as someone who does something."""
     read = list(tokens)
     for index, (token, following) in enumerate(pairwise(tokens)):
+        before, after = tokens[index - 1] if index else None, tokens[index + 2] if index + 2 < len(tokens) else None
+        marked = before is not None and before.kind is Kind.COMMA and following.kind is Kind.COMMA
+        named = after is not None and after.kind in (Kind.PREPOSITION, Kind.DETERMINER, Kind.NOUN)
+        if token.text == "no" and marked and named:
+            read[index] = token._replace(kind=Kind.CORRECTION)  # in the hall, no, in the kitchen
         person = token.text in word_lists().lists.persons and token.kind in (Kind.UNKNOWN, Kind.FILLER, Kind.NOUN)
         acts = following.kind is Kind.VERB and following.form != "base"
         if person and following.close and (acts or following.kind is Kind.UNKNOWN):
@@ -205,6 +210,7 @@ def _speller() -> Speller:
     return Speller(word for word in words if word.isalpha())
 
 
+_ACTING = (Kind.VERB, Kind.WISH)
 _LEADS = (Kind.DETERMINER, Kind.ADJECTIVE, Kind.ROOM, Kind.QUANTIFIER, Kind.COUNT, Kind.POSSESSIVE)
 _ARGUMENT = (*_LEADS, Kind.VERB, Kind.PREPOSITION)
 
@@ -213,6 +219,9 @@ def _read_run(pieces: Sequence[_Piece], tokens: list[Token]) -> None:
     """Add the tokens of words that no mark parts."""
     position = 0
     words = [piece.word for piece in pieces]
+    for index, (word, following) in enumerate(pairwise(words)):
+        if word == "2" and any(e.closed and e.closed.kind in _ACTING for e in _phrases().get(following, ())):
+            words[index] = "to"
     while position < len(words):
         before = tokens[-1] if tokens and pieces[position].close else None
         count, token = _longest(words, position, before)
@@ -294,7 +303,7 @@ def _is_noun(words: Sequence[str], after: int, entry: _Entry, before: Token | No
 def _short_is(words: Sequence[str], start: int, before: Token | None) -> Token:
     """Return what `'s` does: `the mug's on the desk`, `the mug's handle`."""
     following = words[start + 1] if start + 1 < len(words) else ""
-    entry = next(iter(_phrases().get(following, ())), None)
+    entry = next((e for e in _phrases().get(following, ()) if len(e.words) == 1), None)
     states = (Kind.PREPOSITION, Kind.NOT, Kind.ADJECTIVE, Kind.PARTICLE, Kind.THERE, Kind.FILLER, Kind.DETERMINER)
     if following.endswith("ing") and before is not None and before.kind in (Kind.NOUN, Kind.PRONOUN, Kind.UNKNOWN):
         return Token(Kind.FACT, "", "is")  # the phone's ringing

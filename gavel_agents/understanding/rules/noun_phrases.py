@@ -8,7 +8,6 @@ from gavel_agents.understanding.rules.elements import Entity, Phrase, Pronoun, R
 from gavel_agents.understanding.rules.english import could_act, could_name, is_past
 from gavel_agents.understanding.rules.lexer import Token
 from gavel_agents.understanding.rules.nouns import known_nouns, room_named, thing_named, words_of
-from gavel_agents.understanding.rules.questions import asked_meaning
 from gavel_agents.understanding.rules.stream import IN_ROOM, LEADS, STARTS_NOUN
 from gavel_agents.understanding.rules.words import Kind
 from gavel_env.instructions.vocabulary import default_vocabulary
@@ -216,10 +215,20 @@ class NounPhrases(Cabinets):
         self.position += ahead + 1
         return self.named_room(room)
 
+    def compound(self, unknown: Unknown) -> None:
+        """Put `mug rack`, which is no mug, in the place of the noun that was taken."""
+        elements = self.frame.elements
+        last = elements[-1] if elements else None
+        if isinstance(last, Phrase):
+            elements[-1] = last._replace(target=unknown)
+        elif isinstance(last, Entity):
+            elements[-1] = unknown
+
     def unknown(self, token: Token) -> None:
         """Take a word that is not known: it goes with a noun, names something, orders something, or is passed over."""
         if self.frame.aside and could_act(token.text):
             self.frame.verb = self.frame.verb or "TOLD"
+            self.frame.told = self.frame.told or is_past(token.text)
         following, before = self.peek(), self.previous
         if len(token.text) < 2 and before is not None:
             return
@@ -236,9 +245,9 @@ class NounPhrases(Cabinets):
         ):
             return  # the brass candle holder, Tom's mug
         compound = before is not None and before.kind is Kind.NOUN and token.close
-        if compound and could_name(token.text) and not token.name:
-            words = f"{before.text} {token.text}" if before else token.text
-            raise asked_meaning(words)
+        if compound and could_name(token.text) and not token.name and before is not None:
+            self.compound(Unknown(f"{before.text} {token.text}"))
+            return
         led = before is not None and before.kind in LEADS and token.close
         taken_up = self.spoken_of(token.text) if before is not None and before.text in ("the", "that") else None
         if taken_up is not None:

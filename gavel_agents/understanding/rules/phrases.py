@@ -8,7 +8,7 @@ from gavel_agents.understanding.rules.lexer import Token
 from gavel_agents.understanding.rules.noun_phrases import NounPhrases
 from gavel_agents.understanding.rules.places import process_flag
 from gavel_agents.understanding.rules.questions import asked_which, spoken
-from gavel_agents.understanding.rules.stream import SEPARATORS, STARTS_NOUN
+from gavel_agents.understanding.rules.stream import SEPARATORS, STARTS_NOUN, goes
 from gavel_agents.understanding.rules.words import Kind
 
 __all__ = ["Phrases"]
@@ -165,20 +165,20 @@ class Phrases(NounPhrases):
     def starts_anew(self, target: Entity) -> bool:
         """Return whether a thing begins another clause: `hall light off, the mug in the sink`."""
         frame = self.frame
-        if frame.aside or frame.verb in ("SWAP", "GET", "FILL"):
+        if frame.aside:
+            return False
+        following = self.peek()
+        marked = bool(frame.elements) and isinstance(frame.elements[-1], Separator)
+        state = following is not None and following.value in ("on", "off") and self.kind(1) not in STARTS_NOUN
+        if state and marked and frame.of(Entity) and any(k.toggleable for k in target.kinds) and not target.movable:
+            return goes(frame)  # hockey stick in a bookcase and one computer on
+        if frame.verb in ("SWAP", "GET", "FILL"):
             return False
         parts = any(isinstance(e, Part) and e.word in ("on", "off") for e in frame.elements)
         lit = any(isinstance(e, Entity) and any(k.toggleable for k in e.kinds) for e in frame.elements)
         apart = all(isinstance(e.target, Room) for e in frame.elements if isinstance(e, Phrase))
         if parts and lit and apart:
             return not frame.verb or frame.mood == "wish"
-        following = self.peek()
-        marked = bool(frame.elements) and isinstance(frame.elements[-1], Separator)
-        switches = (
-            following is not None and following.value in ("on", "off") and any(k.toggleable for k in target.kinds)
-        )
-        if switches and marked and frame.of(Entity) and not target.movable and self.kind(1) in (None, *SEPARATORS):
-            return True  # hockey stick in a bookcase and one computer on
         if frame.mood == "fact" and marked and process_flag(target) is not None and not target.movable:
             return True  # my pajamas are wet, dryer please
         placed = following is not None and following.kind is Kind.PREPOSITION and following.value in ("on", "in", "to")
@@ -200,13 +200,23 @@ class Phrases(NounPhrases):
 
     def goes_there(self) -> bool:
         """Return whether a piece without a preposition can only be where the thing before goes: `mug dishwasher`."""
-        last = self.frame.elements[-1] if self.frame.elements else None
-        close = self.previous is not None and self.previous.kind is Kind.NOUN
-        return close and isinstance(last, Entity) and last.movable and self.frame.verb in ("", "MOVE")
+        elements, frame = self.frame.elements, self.frame
+        if not elements or frame.verb not in ("", "MOVE") or frame.mood == "fact" or frame.aside:
+            return False
+        last = elements[-1]
+        if isinstance(last, Entity):
+            return last.movable and self.previous is not None and self.previous.kind is Kind.NOUN
+        after = self.kind() in (None, *SEPARATORS) or self.kind() in (Kind.PREPOSITION, Kind.REQUEST)
+        marked = isinstance(last, Separator) and last.kind in (Kind.COMMA, Kind.THEN)
+        thing = any(isinstance(e, Entity) and e.movable for e in elements)
+        return marked and thing and after and not frame.verb  # mug, desk; scarf: washer, then dryer
 
     def lead(self, token: Token) -> None:
         """Take a preposition: it leads a phrase, a verb, or stands alone."""
         following = self.kind()
+        if token.text == "of" and self.previous is not None and self.previous.text in ("turn", "switch", "turned"):
+            self.frame.elements.append(Part("off"))  # a slip of the pen
+            return
         if token.text == "for" and self.wished_for():
             return
         if token.value == "under" and self.refines_cabinet():

@@ -185,11 +185,12 @@ def _check_passed(act: Act, asked: Collection[str]) -> None:
     Raises:
         Abstention: `unparsed`.
     """
-    places = [e for e in act.frame.elements if isinstance(e, Phrase) and isinstance(e.target, Entity)]
+    phrases = [e for e in act.frame.elements if isinstance(e, Phrase) and e.preposition != "at"]
+    places = [e for e in phrases if isinstance(e.target, Entity)]
     lost = [e for e in act.mentions if e.movable and e.category not in asked and e in act.frame.definite]
     if lost:
         raise asked_what(lost[0])
-    if any(isinstance(p.target, Entity) and not p.target.movable for p in places):
+    if not act.frame.told and any(isinstance(p.target, Entity) and not p.target.movable for p in places):
         raise asked_instead("unparsed", "a remark may ask for something that is not understood")
 
 

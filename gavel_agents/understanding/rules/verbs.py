@@ -77,7 +77,11 @@ def _remark(discourse: Discourse, act: Act) -> None:
     if elsewhere and named and any(isinstance(e, Phrase) and e.directional for e in frame.elements):
         raise asked_instead("unparsed", "this may ask for something that is not understood")
     placed = any(
-        isinstance(e, Phrase) and isinstance(e.target, Entity) and says_where(e.preposition) and not locates(e)
+        isinstance(e, Phrase)
+        and isinstance(e.target, Entity)
+        and says_where(e.preposition)
+        and e.preposition != "at"
+        and not locates(e)
         for e in frame.elements
     )
     if frame.speaker and placed and (named or frame.of(Pronoun)) and not frame.verb and frame.mood == "do":
@@ -190,7 +194,7 @@ def _move(discourse: Discourse, act: Act) -> None:
         groups = groups or [Group(list(things))]
         groups[-1].phrases.append((Phrase("in", There()), None))  # leave it inside
     if any(not g.things for g in groups):
-        if len(groups) == 1 and groups[0].going:
+        if len(groups) == 1 and groups[0].going and not frame.of(Pronoun):
             discourse.offered = groups[0].going[-1]  # three things have to be on the desk: ...
             return
         raise Abstention("no_antecedent", f"what shall be {frame.word or 'moved'}?")
@@ -218,7 +222,7 @@ def _for_thing(discourse: Discourse, act: Act, piece: Entity) -> bool:
     holds = any(kind.surface or kind.interior for kind in piece.kinds)
     if phrases and (named or any(isinstance(e.target, Pronoun) for e in phrases)):
         things = named or waiting
-    elif not act.frame.of(Phrase) and process_flag(piece) is None:
+    elif not act.frame.of(Phrase) and process_flag(piece) in (None, Predicate.FROZEN):
         things = waiting
     else:
         things = []
