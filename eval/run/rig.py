@@ -8,7 +8,9 @@ import os
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Iterable, Mapping, Sequence
+from importlib import metadata
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import gymnasium as gym
@@ -20,6 +22,7 @@ from eval.records.conversations import Exchange
 from eval.records.encoding import sound
 from eval.records.schema import Contestant, EpisodeRecord, Scenery, Step
 from eval.records.scrub import describe_error, scrub
+from eval.run.agent_process import AgentFailed, AgentHost, ForeignAgent, in_process
 from eval.run.episodes import EnvironmentSettings, Episode, classify, step_record
 from eval.run.misreading import misread
 from eval.run.planners import EpisodeModel, Planners, usage
@@ -27,6 +30,7 @@ from eval.run.watching import Watcher
 from gavel_agents.agent import Agent, AgentTrace, Privileged
 from gavel_agents.llm import ChatModel, tell
 from gavel_agents.llm.sharing import SharingModel
+from gavel_agents.methods import METHODS
 from gavel_agents.understanding import ModelUnderstanding, Understanding, load_understanding
 from gavel_env.errors import BadPlugin, GavelError
 from gavel_env.house.scenes import load_scene
@@ -56,8 +60,8 @@ def import_plugins(plugins: Sequence[str]) -> None:
     for plugin in plugins:
         try:
             importlib.import_module(plugin)
-        except ImportError as error:
-            raise BadPlugin(f"plugin {plugin!r} cannot be imported: {error}") from error
+        except (Exception, SystemExit) as error:
+            raise BadPlugin(f"plugin {plugin!r} cannot be imported: {type(error).__name__}: {error}") from error
 
 
 ENVIRONMENTS: Mapping[str, str] = {
@@ -134,6 +138,12 @@ def _most_nodes(instruction: Instruction) -> int:
     return _USUAL_NODES if nodes <= _USUAL_NODES else _MANY_NODES
 
 
+def _close_all(hosts: Mapping[str, list[AgentHost]]) -> None:
+    for idle in hosts.values():
+        for host in idle:
+            host.close()
+
+
 class Rig:
     """Runs episodes; builds environments and what agents share (models, understandings, priors) once.
 
@@ -157,6 +167,10 @@ class Rig:
         self._turn = threading.Lock()
         self._idle: dict[tuple[str, int], list[gym.Env[Any, Any]]] = {}
         self._understandings: dict[str, Understanding] = {}
+        self._plugins = tuple(plugins)
+        self._hosts: dict[str, list[AgentHost]] = {}
+        self._here = {*METHODS, "oracle", "react"}
+        weakref.finalize(self, _close_all, self._hosts)
 
     def check(self, episodes: Iterable[Episode]) -> None:
         """Build every contestant's agent once, so that what can never run is said before anything runs.
@@ -168,7 +182,13 @@ class Rig:
         for episode in episodes:
             if episode.instruction is not None and episode.contestant.config not in seen:
                 seen.add(episode.contestant.config)
-                self.agent(episode.contestant, episode.instruction, episode.key.seed)
+                try:
+                    agent = self.agent(episode.contestant, episode.instruction, episode.key.seed)
+                except GavelError:
+                    raise
+                except Exception:  # noqa: BLE001  the episode boundary: its own episodes will say so
+                    continue
+                self._dismiss(agent, episode.contestant.agent)
 
     def warm(self, episodes: Iterable[Episode]) -> None:
         """Begin an episode of every kind in this thread: what is loaded or compiled at first use is so from here on."""
@@ -206,6 +226,10 @@ class Rig:
         exchanges = [] if exchanges is None else exchanges
         planner = self.load(contestant.planner)
         model = None if planner is None else EpisodeModel(planner, exchanges)
+        if self._elsewhere(contestant.agent):
+            foreign = self._foreign(contestant, instruction, seed, model, exchanges)
+            if foreign is not None:
+                return foreign
         return gavel_agents.make(
             contestant.agent,
             understanding=self._understanding(contestant, instruction, model, exchanges),
@@ -215,6 +239,57 @@ class Rig:
             cost=contestant.cost or None,
             seed=seed,
         )
+
+    def _elsewhere(self, agent: str) -> bool:
+        """Return whether an agent is not this package's, and another process can find it."""
+        offered = (entry.name for entry in metadata.entry_points(group="gavel.agents"))
+        return agent not in self._here and not in_process() and (bool(self._plugins) or agent in offered)
+
+    def _foreign(
+        self,
+        contestant: Contestant,
+        instruction: Instruction,
+        seed: int,
+        model: ChatModel | None,
+        exchanges: list[Exchange],
+    ) -> ForeignAgent | None:
+        """Return an agent in a process of its own; None if it has to be in this one.
+
+        Raises:
+            AgentFailed: it raised while it was made.
+        """
+        name = contestant.agent
+        with self._turn:
+            idle = self._hosts.setdefault(name, [])
+            host = idle.pop() if idle else None
+        host = host or AgentHost(self._plugins)
+        understanding = self._understanding(contestant, instruction, model, exchanges)
+        agent = ForeignAgent(host, name, model, understanding)
+        options = {
+            "prior": contestant.prior or "choice",
+            "profile": self.settings.profile,
+            "seed": seed,
+            "cost": contestant.cost or None,
+        }
+        try:
+            made = agent.make(options)
+        except AgentFailed:
+            host.close()
+            raise
+        if made.known and not made.privileged:
+            return agent
+        host.close()
+        self._here.add(name)  # it sees the hidden state, or was registered by other means than a plug-in
+        return None
+
+    def _dismiss(self, agent: Agent | None, name: str, *, fit: bool = True) -> None:
+        """Keep the process of an agent for the next one of its kind, or end it if something went wrong there."""
+        if isinstance(agent, ForeignAgent):
+            if fit and agent.host.alive:
+                with self._turn:
+                    self._hosts[name].append(agent.host)
+            else:
+                agent.host.close()
 
     def _understanding(
         self, contestant: Contestant, instruction: Instruction, model: ChatModel | None, exchanges: list[Exchange]
@@ -275,9 +350,12 @@ class Rig:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # noqa: BLE001  the episode boundary: one crash must not end the run
+            self._dismiss(progress.agent, episode.contestant.agent, fit=False)
             fields = progress.fields_if_any()
             if isinstance(error, GavelError) and not progress.started:
                 record = episode.record("rejected", error=scrub(str(error)), **fields)
+            elif isinstance(error, AgentFailed):
+                record = episode.record("error", f"error:{error.kind}", error=scrub(error.described), **fields)
             else:
                 name = type(error).__name__
                 record = episode.record("error", f"error:{name}", error=describe_error(error), **fields)
@@ -337,5 +415,6 @@ class Rig:
             misread=misread(fields["trace"], instruction) if own and fields["trace"].tasks else (),
             **fields,
         )
+        self._dismiss(agent, contestant.agent)
         self._give_back(episode.kind, env)  # one in which something raised is not used again
         return record

@@ -14,9 +14,10 @@ from gavel_env.envs.graph_encoder import GraphEncoder
 from gavel_env.envs.rewards import RewardWeights
 from gavel_env.envs.spaces import MAX_INSTRUCTION, observation_space
 from gavel_env.envs.unicode_text import is_unicode
-from gavel_env.errors import BadEnvironmentOption, InstructionError, ResetNeeded, UnknownInstruction
+from gavel_env.errors import BadEnvironmentOption, GavelError, InstructionError, ResetNeeded, UnknownInstruction
 from gavel_env.exchange import EnvAction, Observed
 from gavel_env.house.robot_config import DEFAULT_ROBOT, RobotConfig
+from gavel_env.house.scenes import BENCHMARK_HOUSES, load_scene
 from gavel_env.instructions.record import Instruction, parse_instruction
 from gavel_env.instructions.sources import InstructionSource, gather
 from gavel_env.sim.episode import Episode, Judgement, Privileged
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 __all__ = ["BadEnvironmentOption", "GavelEnv"]
 
 Observation = dict[str, Any]
+
+_FEWEST_NODES = 512
 
 
 class GavelEnv(gym.Env[Observation, Any]):
@@ -127,7 +130,8 @@ class GavelEnv(gym.Env[Observation, Any]):
         terminate_on_success: end as soon as the instruction is carried out; False: go on, and ask `judge()` at the end.
         reward: fields of `RewardWeights` that differ from the default.
         observation: "graph" or "symbolic".
-        max_nodes: most nodes of the graph; larger scenes are refused at `reset`.
+        max_nodes: most nodes of the graph; larger scenes are refused at `reset`. Default: 512, or as many times its
+            double as the largest of the instructions' scenes needs.
         render_mode: "rgb_array" (the house from above) or "ansi" (a text).
 
     ## Version History
@@ -151,7 +155,7 @@ class GavelEnv(gym.Env[Observation, Any]):
         terminate_on_success: bool = True,
         reward: RewardWeights | Mapping[str, float] | None = None,
         observation: Literal["graph", "symbolic"] = "graph",
-        max_nodes: int = 512,
+        max_nodes: int | None = None,
         render_mode: str | None = None,
     ) -> None:
         _check_choice("on_violation", on_violation, ("terminate", "noop"))
@@ -164,8 +168,9 @@ class GavelEnv(gym.Env[Observation, Any]):
         self.profile = Profile(profile)
         self.robot = _options(RobotConfig, robot, DEFAULT_ROBOT)
         self.reward = _options(RewardWeights, reward, RewardWeights())
-        self.max_nodes = max_nodes
         self._instructions = gather(instructions, scenes)
+        max_nodes = _fitting_nodes(self._instructions.values()) if max_nodes is None else max_nodes
+        self.max_nodes = max_nodes
         self.instruction_ids = tuple(self._instructions)
         self._ontology = default_ontology()
         self._codec = ActionCodec(self._ontology, max_nodes)
@@ -365,6 +370,23 @@ class GavelEnv(gym.Env[Observation, Any]):
 def _check_choice(name: str, value: Any, known: tuple[Any, ...]) -> None:
     if value not in known:
         raise BadEnvironmentOption(f"{name} is {value!r}; choose from {', '.join(repr(k) for k in known)}")
+
+
+def _fitting_nodes(instructions: Iterable[Instruction]) -> int:
+    """Return how many nodes hold every scene of the instructions, their movables and the robot."""
+    movables: dict[str, int] = {}
+    for instruction in instructions:
+        if instruction.scene not in BENCHMARK_HOUSES:  # which all fit
+            movables[instruction.scene] = max(movables.get(instruction.scene, 0), len(instruction.placements))
+    nodes = _FEWEST_NODES
+    for name, count in movables.items():
+        try:
+            scene = load_scene(name)
+        except GavelError:
+            continue  # said at `reset`
+        while nodes < 1 + len(scene.rooms) + len(scene.furniture) + len(scene.items) + count:
+            nodes *= 2
+    return nodes
 
 
 def _check_text(instruction: Instruction) -> None:

@@ -159,7 +159,11 @@ def load_scene(scene: str | Path) -> Scene:
         SceneError: the file is unreadable, malformed or inconsistent.
     """
     if isinstance(scene, Path) or str(scene).endswith(".json"):
-        return _read(str(scene), Path(scene).stat().st_mtime_ns if Path(scene).exists() else 0)
+        try:
+            modified_ns = Path(scene).stat().st_mtime_ns
+        except (OSError, ValueError):
+            modified_ns = 0  # reading says what is wrong
+        return _read(str(scene), modified_ns)
     if scene not in scene_names():
         raise UnknownScene(scene, scene_names())
     return _read(str(shipped_data("scenes", f"{scene}.json")), 0)

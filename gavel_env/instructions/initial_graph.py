@@ -11,6 +11,7 @@ import msgspec
 from gavel_env.errors import GavelError, InstructionError, UnknownConcept
 from gavel_env.frozen import frozen
 from gavel_env.house.scenes import Scene
+from gavel_env.instructions.checks import check_goals, check_id, check_placement, check_supports
 from gavel_env.instructions.record import Instruction, Placement
 from gavel_env.world_model.concepts import PREFIX
 from gavel_env.world_model.goals import Designator, Literal, Predicate, fitting, parse_literal, unmet
@@ -96,8 +97,9 @@ def instruction_graph(scene: Scene, instruction: Instruction, ontology: Ontology
     for index, placement in enumerate(instruction.placements):
         if placement.category not in ontology:
             raise InstructionError(f"{place}, placements[{index}]: {_why_unknown(placement.category, ontology)}")
-        name = placement.id or f"{placement.category}_{counts.get(placement.category, 0)}"
+        name = placement.id if placement.id is not None else f"{placement.category}_{counts.get(placement.category, 0)}"
         counts[placement.category] = counts.get(placement.category, 0) + 1
+        check_id(name, graph, ontology, f"{place}, placements[{index}]")
         if name in graph.world.nodes or name in nodes:
             raise InstructionError(f"{place}, placements[{index}]: the id {name!r} is taken")
         nodes[name] = Node(name, ontology[placement.category], False)
@@ -111,6 +113,8 @@ def instruction_graph(scene: Scene, instruction: Instruction, ontology: Ontology
     for index, (name, placement) in enumerate(zip(ids, instruction.placements, strict=True)):
         support = _support(graph, placement, f"{place}, placements[{index}]")
         supports[name] = support
+        holder = None if support.relation == Relation.FLOOR else graph.category(support.holder)
+        check_placement(placement, graph.category(name), holder, f"{place}, placements[{index}]")
         if support.relation != Relation.FLOOR:
             contents.setdefault(support.holder, []).append(name)
         for state in placement.states:
@@ -122,6 +126,7 @@ def instruction_graph(scene: Scene, instruction: Instruction, ontology: Ontology
                     f"{place}, placements[{index}]: unknown state {state!r}; known: {known}"
                 ) from None
             flags[flag] = flags[flag] | {name}
+    check_supports(graph, ids, place)
     next_to = set(graph.next_to)
     for text in instruction.initial:
         literal = _initial_literal(text, place)
@@ -148,6 +153,8 @@ def instruction_graph(scene: Scene, instruction: Instruction, ontology: Ontology
             if name not in ontology.concepts.things and name not in ontology.concepts.places:
                 unknown = UnknownConcept(name, [*ontology.concepts.things, *ontology.concepts.places])
                 raise InstructionError(f"{place}, tasks[{index}]: {unknown}")
+    check_goals(instruction, graph, ontology, place)
+    for index, task in enumerate(instruction.tasks):
         if not unmet(task.parsed_goal(), graph):
             raise InstructionError(f"{place}, tasks[{index}]: the goal holds at the start: {', '.join(task.goal)}")
     return graph
@@ -169,7 +176,10 @@ def _support(graph: SceneGraph, placement: Placement, place: str) -> Support:
             if room.fits(placement.target):
                 return Support(relation, room.id)
         raise InstructionError(f"{place}: no room {placement.target!r}; rooms: {', '.join(graph.world.rooms)}")
-    found = fitting(graph, Designator.parse(placement.target))
+    try:
+        found = fitting(graph, Designator.parse(placement.target))
+    except GavelError as error:
+        raise InstructionError(f"{place}: {error}") from error
     if not found:
         names = sorted({n.category.name for n in graph.world.nodes.values()})
         raise InstructionError(f"{place}: nothing fits {placement.target!r}; categories here: {', '.join(names)}")

@@ -32,6 +32,10 @@ __all__ = [
 ]
 
 
+_LONGEST_NAME = 250
+_LONGEST_TEXT = 20_000
+
+
 class Placement(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """One movable and where it starts.
 
@@ -168,8 +172,13 @@ def parse_instruction(line: str | bytes | Mapping[str, Any] | Instruction, place
             record = convert(line, Instruction)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InstructionError(f"{place}: malformed instruction: {error}") from error
+    _check_texts(record, place)
     if not record.tasks:
         raise InstructionError(f"{place}: instruction {record.id!r} has no tasks")
+    if record.kind == "single" and len(record.tasks) > 1:
+        raise InstructionError(
+            f"{place}: instruction {record.id!r} has {len(record.tasks)} tasks and the kind 'single'; expected 'multi'"
+        )
     for index, task in enumerate(record.tasks):
         try:
             task.parsed_goal()
@@ -179,6 +188,20 @@ def parse_instruction(line: str | bytes | Mapping[str, Any] | Instruction, place
         if not task.goal and not task.conditions:
             raise InstructionError(f"{place}: instruction {record.id!r}, tasks[{index}]: goal has no literals")
     return record
+
+
+def _check_texts(record: Instruction, place: str) -> None:
+    """Check that id, scene and sentences can be shown, written and looked up."""
+    for field, value in (("id", record.id), ("scene", record.scene)):
+        if not value.strip() or len(value) > _LONGEST_NAME or not value.isprintable():
+            wanted = f"expected 1 to {_LONGEST_NAME} characters that print"
+            raise InstructionError(f"{place}: the {field} {value[:80]!r} cannot be used; {wanted}")
+    for field, value in (("text", record.text), *((f"tasks[{i}].text", t.text) for i, t in enumerate(record.tasks))):
+        if not value.strip() or len(value) > _LONGEST_TEXT:
+            raise InstructionError(
+                f"{place}: instruction {record.id!r}: {field} has {len(value)} characters; expected words, "
+                f"at most {_LONGEST_TEXT} characters"
+            )
 
 
 def read_instructions(path: str | Path) -> InstructionSet:

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import msgspec
 
 from gavel_env.data import read_json, shipped_data
-from gavel_env.errors import UnknownCategory, UnknownConcept
+from gavel_env.errors import DataError, UnknownCategory, UnknownConcept
 from gavel_env.world_model.concepts import Concepts, default_concepts, is_concept, normal_phrase
 
 __all__ = ["Category", "Mount", "Ontology", "TemperatureSource", "category_of", "default_ontology", "load_ontology"]
@@ -212,6 +212,10 @@ class Ontology(Mapping[str, Category]):
         return id(self)
 
 
+_NAME = re.compile(r"\w{1,100}")
+_MOST_METRES = 1000.0
+_MOST_KG = 1e6
+
 _TRAILING_INDEX = re.compile(r"_\d+$")
 
 
@@ -227,7 +231,25 @@ def load_ontology(path: Path | None = None) -> Ontology:
         DataError: missing file, invalid content or another format version.
     """
     table = read_json(path or shipped_data("ontology.json"), _OntologyFile, "ontology file", version=FORMAT)
+    _check(table.categories, str(path or "the shipped ontology"))
     return Ontology(table.categories, table.provenance)
+
+
+def _check(categories: tuple[Category, ...], place: str) -> None:
+    """Check what the types leave open: names, and sizes that something can have."""
+    seen: set[str] = set()
+    for category in categories:
+        name = category.name
+        if not _NAME.fullmatch(name) or name == "robot":
+            raise DataError(f"{place}: {name[:80]!r} is no name of a category; expected small letters, digits and '_'")
+        if name in seen:
+            raise DataError(f"{place}: the category {name!r} stands twice")
+        seen.add(name)
+        sizes = category.size_m or (1.0,)
+        if not all(0 <= size <= _MOST_METRES for size in sizes):
+            raise DataError(f"{place}: {name!r} has the size_m {sizes}; expected metres, to {_MOST_METRES:g}")
+        if category.mass_kg is not None and not 0 <= category.mass_kg <= _MOST_KG:
+            raise DataError(f"{place}: {name!r} has the mass_kg {category.mass_kg}; expected 0 to {_MOST_KG:g}")
 
 
 @cache

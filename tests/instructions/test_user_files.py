@@ -127,6 +127,7 @@ def test_the_oracle_orders_tasks_that_drop_something_and_come_back_to_it(
     hat = ["NAVIGATE_TO(hat_0)", "GRASP(hat_0)", "NAVIGATE_TO(bed_0)", "PLACE_ON_TOP(bed_0)"]
     record = {
         "id": "drop",
+        "kind": "multi",
         "scene": "Rs_int",
         "text": "Put the apple on the sofa and the hat on the bed.",
         "placements": [
