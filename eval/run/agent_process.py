@@ -28,6 +28,8 @@ from gavel_agents.understanding import Decomposition, Understanding
 from gavel_agents.understanding.interface import Rooms
 from gavel_env.errors import GavelError
 from gavel_env.exchange import EnvAction
+from gavel_env.house.floor_map import FloorMap
+from gavel_env.world_model.ontology import Category, default_ontology
 
 __all__ = ["IN_PROCESS", "AgentFailed", "AgentHost", "ForeignAgent", "Made", "in_process"]
 
@@ -63,10 +65,11 @@ class _Asked(NamedTuple):
 
 
 class _Ended(NamedTuple):
-    """What a call of the agent came to; `failed` is the class of what it raised."""
+    """What a call of the agent came to; `failed` is the class of what it raised, `trace` the agent's own."""
 
     value: Any
     failed: str = ""
+    trace: Any = None
 
 
 class Made(NamedTuple):
@@ -97,6 +100,9 @@ class _Unpickler(pickle.Unpickler):
             raise pickle.UnpicklingError(f"an agent's process sent {module}.{name}")
         return found
 
+    def persistent_load(self, name: Any) -> Category:
+        return default_ontology()[str(name)]
+
 
 def _is_data(module: str, name: str) -> bool:
     package = module.partition(".")[0]
@@ -109,8 +115,26 @@ def _is_data(module: str, name: str) -> bool:
     return module.startswith(_OURS)
 
 
+class _Pickler(pickle.Pickler):
+    """Writes categories of the shipped ontology, of which every observation is full, by their names."""
+
+    def persistent_id(self, thing: Any) -> str | None:
+        if type(thing) is Category and default_ontology().get(thing.name) is thing:
+            return thing.name
+        return None
+
+
+class _Observations(pickle.Unpickler):
+    """Reads what the runner sends."""
+
+    def persistent_load(self, name: Any) -> Category:
+        return default_ontology()[name]
+
+
 def _send(file: BinaryIO, message: Any) -> None:
-    content = pickle.dumps(message)
+    packed = io.BytesIO()
+    _Pickler(packed, pickle.HIGHEST_PROTOCOL).dump(message)
+    content = packed.getvalue()
     file.write(_LENGTH.pack(len(content)) + content)
     file.flush()
 
@@ -149,6 +173,8 @@ class AgentHost:
             stdout=subprocess.PIPE,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)},
         )
+        self.trace: Any = None
+        self._layouts: list[FloorMap] = []
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._to, self._back = cast("BinaryIO", self._process.stdin), cast("BinaryIO", self._process.stdout)
@@ -185,9 +211,23 @@ class AgentHost:
         if not isinstance(message, _Ended):
             self.close()
             raise AgentFailed("agent_unreadable", f"the agent's process sent {type(message).__name__}")
+        self.trace = message.trace
         if message.failed:
             raise AgentFailed(message.failed, str(message.value))
         return message.value
+
+    def show(self, layout: FloorMap) -> None:
+        """Give a house's map to the agent; it keeps every map, with what it has measured there, for later episodes.
+
+        Raises:
+            AgentFailed: the process has ended.
+        """
+        number = next((i for i, known in enumerate(self._layouts) if known is layout), len(self._layouts))
+        if number == len(self._layouts):
+            self._layouts.append(layout)
+            self.call("layout", number, layout)
+        else:
+            self.call("layout", number, None)
 
     def close(self) -> None:
         """End the process."""
@@ -241,7 +281,7 @@ class ForeignAgent:
 
     def reset(self, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode."""
-        self.host.call("layout", info["observed"].layout)
+        self.host.show(info["observed"].layout)
         self._call("reset", observation, info)
 
     def act(self, observation: Any, info: dict[str, Any]) -> EnvAction | None:
@@ -259,10 +299,8 @@ class ForeignAgent:
         try:
             return self.host.call(what, observation, sent, asked=self._asked)
         finally:
-            if self.host.alive:
-                with contextlib.suppress(AgentFailed):
-                    trace = self.host.call("trace")
-                    self.trace = trace if isinstance(trace, AgentTrace) else AgentTrace()
+            trace = self.host.trace
+            self.trace = trace if isinstance(trace, AgentTrace) else AgentTrace()
 
 
 def _name_of(understanding: Understanding | None) -> str | None:
@@ -289,7 +327,12 @@ class _Runner:
         try:
             _send(self._to, ended)
         except (pickle.PicklingError, AttributeError, TypeError, RecursionError) as error:
-            _send(self._to, _Ended(f"{type(error).__name__}: {error}", "Unencodable"))
+            trace = ended.trace if isinstance(ended.trace, AgentTrace) else None
+            said = _Ended(f"{type(error).__name__}: {error}", "Unencodable")
+            with contextlib.suppress(pickle.PicklingError, AttributeError, TypeError, RecursionError):
+                _send(self._to, said._replace(trace=trace))
+                return
+            _send(self._to, said)
 
 
 def _relayed(kind: str, text: str) -> GavelError:
@@ -331,6 +374,7 @@ def _serve(runner: _Runner) -> None:
     """Do what the runner asks until it asks no more."""
     agent: Agent | None = None
     layout: Any = None
+    layouts: dict[int, Any] = {}
     while True:
         what, arguments = runner.messages.get()
         try:
@@ -338,9 +382,8 @@ def _serve(runner: _Runner) -> None:
             if what == "make":
                 value, agent = _make(runner, *arguments)
             elif what == "layout":
-                (layout,) = arguments
-            elif what == "trace":
-                value = getattr(agent, "trace", None)
+                number, shown = arguments
+                layout = layouts.setdefault(number, shown)
             elif agent is not None:
                 observation, info = arguments
                 info["observed"] = msgspec.structs.replace(info["observed"], layout=layout)
@@ -351,7 +394,14 @@ def _serve(runner: _Runner) -> None:
             ended = _Ended(value)
         except BaseException as error:  # noqa: BLE001  the episode boundary: whatever the agent raises is its episode's
             ended = _Ended(describe_error(error), type(error).__name__)
-        runner.tell(ended)
+        runner.tell(ended._replace(trace=_trace_of(agent)))
+
+
+def _trace_of(agent: Agent | None) -> Any:
+    try:
+        return getattr(agent, "trace", None)
+    except BaseException:  # noqa: BLE001  the episode boundary: it has no trace then
+        return None
 
 
 def _make(
@@ -396,4 +446,4 @@ def _read(back: BinaryIO, messages: queue.SimpleQueue[Any]) -> None:
         content = back.read(_LENGTH.unpack(head)[0]) if len(head) == _LENGTH.size else b""
         if not content:
             os._exit(0)
-        messages.put(pickle.loads(content))
+        messages.put(_Observations(io.BytesIO(content)).load())

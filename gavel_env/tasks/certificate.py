@@ -31,7 +31,7 @@ from gavel_env.world_model.verdict import shortfall
 __all__ = ["CHECKS", "Problem", "certify", "certify_set", "check_broken"]
 
 CHECKS: Mapping[str, str] = {
-    "placement": "every placement fits the scene",
+    "placement": "every placement fits the scene, and every goal is of what can be there",
     "start": "no task's goal holds at the start, and of the benchmarks' goals no literal",
     "alone": "every errand's plan runs alone, ends safe, and meets its goal",
     "orders": "the plans run in every order, end safe, and meet the whole goal",
