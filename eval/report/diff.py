@@ -91,12 +91,12 @@ def _agent(who: Contestant) -> tuple[str, ...]:
 
 
 def changes(pair: Matched, first: RecordFile, second: RecordFile) -> list[Change]:
-    """Return the episodes of a pair that came out differently: in outcome, failure class or metres."""
+    """Return the episodes that both runs scheduled and that differ in outcome, failure class or metres."""
     a = {(key.instruction, key.seed): first.records.get(key) for key in pair.first_keys}
     b = {(key.instruction, key.seed): second.records.get(key) for key in pair.second_keys}
     found = []
-    for instruction, seed in sorted(a.keys() | b.keys()):
-        was, now = a.get((instruction, seed)), b.get((instruction, seed))
+    for instruction, seed in sorted(a.keys() & b.keys()):
+        was, now = a[instruction, seed], b[instruction, seed]
         if _result(was) != _result(now):
             found.append(Change(pair.first.agent, instruction, seed, was, now))
     return found
@@ -149,10 +149,12 @@ def diff_tables(first: RecordFile, second: RecordFile, names: tuple[str, str], m
         NotInstalled: scipy is missing.
     """
     pairs = matched(first, second)
-    rows, changed = [], []
+    rows, changed, alone = [], [], 0
     for pair in pairs:
         rows.append(_tested(pair, first, second))
         changed += changes(pair, first, second)
+        mine, theirs = ({(k.instruction, k.seed) for k in keys} for keys in (pair.first_keys, pair.second_keys))
+        alone += len(mine ^ theirs)
     a, b = names
     tests = Grid(
         title=f"What changed from {a} to {b}",
@@ -182,7 +184,7 @@ def diff_tables(first: RecordFile, second: RecordFile, names: tuple[str, str], m
         header=("Agent", "Instruction", "Seed", a, b, "metres"),
         labels=5,
         rows=tuple(_line(change) for change in shown),
-        notes=_counted(changed, len(shown)),
+        notes=_counted(changed, len(shown), alone),
     )
     return [tests, listed]
 
@@ -246,9 +248,11 @@ def _came_to(record: EpisodeRecord | None) -> str:
     return "not run" if record is None else record.failure or record.outcome
 
 
-def _counted(changed: Sequence[Change], shown: int) -> tuple[str, ...]:
+def _counted(changed: Sequence[Change], shown: int, alone: int) -> tuple[str, ...]:
     kinds = Counter(f"{_came_to(c.first)} → {_came_to(c.second)}" for c in changed)
     notes = [", ".join(f"{kind}: {count}" for kind, count in kinds.most_common(8))] if kinds else []
+    if alone:
+        notes.append(f"{alone} episodes were scheduled in one of the runs alone and are not compared.")
     if shown < len(changed):
         notes.append(f"The first {shown} of {len(changed)}; --all shows the others.")
     return tuple(notes)

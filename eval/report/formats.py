@@ -202,12 +202,12 @@ _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>{title}</title><style>
 :root {{ color-scheme: light dark }}
-body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 72rem; padding: 0 1rem }}
+body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 84rem; padding: 0 1rem }}
 .wide {{ overflow-x: auto }}
 table {{ border-collapse: collapse; font-variant-numeric: tabular-nums }}
-th, td {{ padding: .3rem .8rem; border-bottom: 1px solid #8886; text-align: right; white-space: nowrap }}
+th, td {{ padding: .3rem .6rem; border-bottom: 1px solid #8886; text-align: right; white-space: nowrap }}
 .text {{ text-align: left }}
-p {{ color: GrayText; max-width: 60rem }}
+p {{ color: light-dark(#555, #bbb); max-width: 60rem }}
 </style></head><body><h1>{title}</h1>
 {tables}</body></html>
 """
