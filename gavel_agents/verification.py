@@ -28,7 +28,7 @@ from gavel_env.world_model.graph import Flag, SceneGraph
 from gavel_env.world_model.travel import travel_cost
 from gavel_env.world_model.verdict import CostFunction, Plan, Verdict, validate
 
-__all__ = ["Verified", "find_instruction", "verify", "verify_on_graph"]
+__all__ = ["Verified", "find_instruction", "read_plan_strictly", "verify", "verify_on_graph"]
 
 FORMAT = "gavel-verdict/1"
 
@@ -232,6 +232,12 @@ def verify_on_graph(
         strict,
         unit=getattr(cost, "unit", "metres" if cost else "navigations"),
     )
+
+
+def read_plan_strictly(text: str, graph: SceneGraph | None = None) -> tuple[Plan, tuple[Unread, ...]]:
+    """Return the steps of a plan's text, names resolved if there is a graph, and what could not be read."""
+    parsed = parse_plans(text, graph)
+    return parsed.plan, unread(text, parsed, graph)
 
 
 def _parsed(plan: str | Sequence[Any], graph: SceneGraph, goal: Goal) -> tuple[ParsedPlans, tuple[Unread, ...]]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gavel_env.world_model.graph import SceneGraph
     from gavel_env.world_model.verdict import Verdict
 
-__all__ = ["register"]
+__all__ = ["read_own_graph", "read_plan", "register"]
 
 
 def register(subparsers: Any) -> None:
@@ -52,12 +52,12 @@ def _verify(arguments: argparse.Namespace) -> int:
         if arguments.scene is not None or not arguments.goal:
             raise BadOption("--graph needs --goal and takes no --scene")
         goal = [literal for text in arguments.goal for literal in parse_goal(text).literals]
-        options = {"graph": _own_graph(arguments.graph, arguments.categories), "goal": goal}
+        options = {"graph": read_own_graph(arguments.graph, arguments.categories), "goal": goal}
     elif arguments.goal or arguments.categories:
         raise BadOption("--goal and --categories go with --graph")
     result = verify(
         **options,
-        plan=_read_plan(arguments.plan),
+        plan=read_plan(arguments.plan),
         repair=arguments.repair,
         strict=not arguments.lenient,
         profile=arguments.profile,
@@ -69,7 +69,7 @@ def _verify(arguments: argparse.Namespace) -> int:
     return 0 if result.passed else 1
 
 
-def _own_graph(graph: str, categories: str | None) -> SceneGraph:
+def read_own_graph(graph: str, categories: str | None) -> SceneGraph:
     """Return the graph of a file, whose categories may be of another."""
     from gavel_env.world_model.graph import SceneGraph
     from gavel_env.world_model.ontology import default_ontology
@@ -78,7 +78,8 @@ def _own_graph(graph: str, categories: str | None) -> SceneGraph:
     return SceneGraph.from_json(Path(graph), ontology)
 
 
-def _read_plan(path: str) -> str:
+def read_plan(path: str) -> str:
+    """Return the text of a plan file; `-` is standard input."""
     try:
         return sys.stdin.read() if path == "-" else read_bytes(path, "plan file").decode("utf-8")
     except UnicodeDecodeError as error:

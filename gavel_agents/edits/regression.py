@@ -81,6 +81,10 @@ def _follow(sketch: Sketch, hint: tuple[str, ...], values: dict[str, str]) -> bo
         except MalformedAction:
             return False
         arguments = tuple(values.get(a, a) for a in step.arguments)
+        if step.primitive is Primitive.GRASP:
+            if arguments[0] not in sketch.graph.world.nodes or not sketch.take(arguments[0]):
+                return False
+            continue
         going = step.primitive in (Primitive.NAVIGATE_TO, Primitive.RELEASE)
         if arguments and not going and arguments[0] in sketch.graph.world.nodes and not sketch.reach(arguments[0]):
             return False

@@ -23,7 +23,7 @@ from gavel_env.world_model.own_actions import own_action
 from gavel_env.world_model.own_actions_pddl import with_own_actions
 from gavel_env.world_model.planning_goal import Expression, GoalWriter, state_name
 
-__all__ = ["Expression", "PlanningTask", "household_domain", "planning_task", "state_of"]
+__all__ = ["Expression", "PlanningTask", "household_domain", "pddl_names", "planning_task", "state_of"]
 
 
 class PlanningTask(NamedTuple):
@@ -99,7 +99,7 @@ def planning_task(
     """
     goal = as_goal(goal)
     kept = [o for o in graph.world.nodes if objects is None or o in objects]
-    names = _names([*kept, *graph.world.rooms])
+    names = pddl_names([*kept, *graph.world.rooms])
     written = {identifier: name for name, identifier in names.items()}
     init = tuple(
         (fact[0], *(written[a] for a in fact[1:])) for fact in (*_statics(graph, kept, profile), *state_of(graph, kept))
@@ -109,7 +109,7 @@ def planning_task(
     return PlanningTask(things, rooms, init, GoalWriter(graph, set(kept), written).expression(goal))
 
 
-def _names(identifiers: Sequence[str]) -> dict[str, str]:
+def pddl_names(identifiers: Sequence[str]) -> dict[str, str]:
     """Return a PDDL name for every id: the id itself, without what PDDL cannot write."""
     names: dict[str, str] = {}
     for identifier in identifiers:

@@ -171,6 +171,9 @@ def test_a_hint_says_how_a_function_is_brought_about():
     assert "GRASP(rag)" in map(str, found.plan)
     wiped = repair(lab(), (), "not dirty(bench)")
     assert wiped.verdict.valid
+    # The jug is set down before the rag is taken.
+    both = repair(lab(), plan(*FETCHED, "POUR(jug, cup)"), "filled(cup), not dirty(bench)")
+    assert both.verdict.valid
 
 
 def test_what_nothing_brings_about_is_dropped_or_left():
