@@ -72,14 +72,16 @@ def test_a_behaviour_tree_is_a_sequence_of_declared_nodes():
 
 @pytest.mark.parametrize("form", EXPORTERS)
 def test_every_form_says_every_primitive_and_what_was_checked(form):
-    steps = [parse_action(f"{p.name}(apple_0)") for p in Primitive if p is not Primitive.RELEASE]
-    text = EXPORTERS[form](
-        steps[:2] + [parse_action("RELEASE"), parse_action("GRASP(apple_0)"), *steps[2:3]], None, "it all"
-    )
+    names = [p.name for p in Primitive if p is not Primitive.RELEASE]
+    texts = [f"{name}({'apple_0' if name == 'GRASP' else 'table_0'})" for name in names]
+    texts = [step for text in texts for step in (("GRASP(apple_0)", text) if text.startswith("PLACE") else (text,))]
+    text = EXPORTERS[form]([parse_action(step) for step in (*texts, "GRASP(apple_0)", "RELEASE")], None, "it all")
     assert "it all" in text
+    said = re.sub("[^a-z]", "", text.lower())
+    assert all(p.name.replace("_", "").lower() in said for p in Primitive)
 
 
-# --- the commands --------------------------------------------------------------------------------------------------
+# --- the commands -------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture

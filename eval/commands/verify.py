@@ -31,7 +31,7 @@ def register(subparsers: Any) -> None:
     )
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--instruction", metavar="ID|FILE", help="id of a shipped instruction, FILE, or FILE#ID")
-    what.add_argument("--graph", metavar="FILE", help="your own graph (docs/worlds.md); needs --goal")
+    what.add_argument("--graph", metavar="FILE", help="your own graph (docs/howto/worlds.md); needs --goal")
     parser.add_argument("--goal", action="append", metavar="LITERAL", help='such as "on_top(vial, rack)"; repeatable')
     parser.add_argument("--categories", metavar="FILE", help="your own categories for --graph: TOML or JSON")
     parser.add_argument("--scene", help="scene name or file; default: the instruction's own")

@@ -162,7 +162,10 @@ def _beside_json(body: str) -> Iterator[tuple[int, str, str]]:
             if last <= start or not _balanced(body[start : last + 1]):
                 line = body.count("\n", 0, start) + 1
                 yield line, body[start:].strip().splitlines()[0], "the JSON does not end"
-            end = len(body)
+                return
+            # Nearly JSON, such as single quotes: it goes to the last bracket.
+            end = last + 1
+            outside.append("\n" * body.count("\n", start, end))
         at = end
     outside.append(body[at:])
     for number, rest in enumerate("".join(outside).splitlines(), start=1):

@@ -293,7 +293,7 @@ class SceneGraph(msgspec.Struct, frozen=True):
 
     @classmethod
     def from_json(cls, source: str | bytes | Path | Mapping[str, Any], ontology: Ontology | None = None) -> SceneGraph:
-        """Read a graph of one's own (format `gavel-graph/1`, docs/worlds.md).
+        """Read a graph of one's own (format `gavel-graph/1`, docs/howto/worlds.md).
 
         Args:
             source: path of a file, the JSON itself, or what it says as a mapping.

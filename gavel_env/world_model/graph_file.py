@@ -1,4 +1,4 @@
-"""Graphs of one's own as JSON, format `gavel-graph/1` (docs/worlds.md; docs/reference/schemas/graph.schema.json).
+"""Graphs of one's own as JSON, format `gavel-graph/1` (docs/howto/worlds.md; docs/reference/schemas/graph.schema.json).
 
 Everything that can be wrong with a file is said with its path inside it: `lab.json: $.nodes[3].on_top: …`.
 """

@@ -87,6 +87,7 @@ UNREADABLE = [
     (json.dumps([*STEPS, ["PLACE_ON_TOP", None]]), 1, "['PLACE_ON_TOP', None]"),
     (json.dumps([*STEPS, {"action": "GRASP", "target": None}], indent=1), 9, "{'action': 'GRASP', 'target': None}"),
     (json.dumps(STEPS) + "\nCLOSE(cupboard)", 2, "CLOSE(cupboard)"),
+    (str(list(STEPS)) + "\nCLOSE(cupboard)", 2, "CLOSE(cupboard)"),
     (json.dumps([{"action": s.split("(")[0], "target": s.split("(")[1][:-1]} for s in STEPS])[:-12], 1, None),
 ]
 
