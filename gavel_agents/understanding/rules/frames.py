@@ -158,6 +158,9 @@ class _Reader(Clauses):
         lists = (
             token.kind is Kind.COMMA and not frame.verb and frame.elements and isinstance(frame.elements[-1], Entity)
         )
+        if frame.negated and not frame.verb and token.kind is Kind.COMMA and frame.mood == "do":
+            self.close()  # instead of the sofa, …
+            return
         if frame.aside and not lists and token.kind not in (Kind.AND, Kind.OR):
             self.close()
         frame = self.frame

@@ -143,7 +143,8 @@ def _persons(tokens: Sequence[Token]) -> list[Token]:
         before, after = tokens[index - 1] if index else None, tokens[index + 2] if index + 2 < len(tokens) else None
         marked = before is not None and before.kind is Kind.COMMA and following.kind is Kind.COMMA
         named = after is not None and after.kind in (Kind.PREPOSITION, Kind.DETERMINER, Kind.NOUN)
-        if token.text == "no" and marked and named:
+        led = before is not None and before.kind is Kind.COMMA and following.kind in (Kind.DETERMINER, Kind.NOUN)
+        if (token.text == "no" and marked and named) or (token.text == "sorry" and (led or (marked and named))):
             read[index] = token._replace(kind=Kind.CORRECTION)  # in the hall, no, in the kitchen
         person = token.text in word_lists().lists.persons and token.kind in (Kind.UNKNOWN, Kind.FILLER, Kind.NOUN)
         acts = following.kind is Kind.VERB and following.form != "base"

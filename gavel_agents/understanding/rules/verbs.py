@@ -185,7 +185,8 @@ def _move(discourse: Discourse, act: Act) -> None:
         return
     leading, groups = grouped(discourse, act)
     things = discourse.things(act)
-    if any(isinstance(e, Part) and e.word == "back" for e in frame.elements) and not any(g.going for g in groups):
+    going = [phrase for group in groups for phrase in group.going if not isinstance(phrase.target, There)]
+    if any(isinstance(e, Part) and e.word == "back" for e in frame.elements) and not going:
         _put_back(discourse, act, groups, things)
         return
     if groups and not groups[0].things:
@@ -394,7 +395,7 @@ def _swap(discourse: Discourse, act: Act) -> None:
         return
     things: list[Entity] = []
     for element in act.frame.elements:
-        entity = element.target if isinstance(element, Phrase) and element.preposition == "with" else element
+        entity = element.target if isinstance(element, Phrase) and element.preposition in ("with", "for") else element
         if isinstance(entity, Entity) and entity.movable:
             things.append(entity)
         elif isinstance(element, Phrase) and things:
