@@ -5,7 +5,7 @@ FLOOR ?= 90
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: eval test test-slow test-hostile coverage lint format bench docs pictures wheel clean
+.PHONY: eval test test-slow test-hostile coverage mutants lint format bench docs pictures wheel clean
 .DEFAULT_GOAL := eval
 
 $(BIN)/python:
@@ -42,6 +42,10 @@ $(VENV)/.installed-docs: pyproject.toml constraints.txt | $(BIN)/python
 	$(call install,[dev$(comma)docs])
 	@touch $@
 
+$(VENV)/.installed-mutants: pyproject.toml constraints.txt | $(BIN)/python
+	$(call install,[dev$(comma)mutants])
+	@touch $@
+
 comma := ,
 
 # The results table of several agents over the shipped instructions; ARGS are passed on.
@@ -70,6 +74,11 @@ coverage: $(VENV)/.installed-dev
 	@$(BIN)/python -m pytest -q -n $(WORKERS) --cov --cov-fail-under=$(FLOOR) \
 		tests/world_model tests/edits tests/beliefs tests/ordering tests/agents tests/proposing
 
+# Mutation tests of the same parts: takes hours, remembers what it has done. ARGS name mutants: ARGS='gavel_agents.beliefs*'.
+mutants: $(VENV)/.installed-mutants
+	@$(BIN)/mutmut run --max-children $(WORKERS) $(ARGS)
+	@$(BIN)/mutmut results
+
 format: $(VENV)/.installed-dev
 	@$(BIN)/ruff check --fix .
 	@$(BIN)/ruff format .
@@ -93,4 +102,4 @@ wheel: $(VENV)/.installed-dev
 	@$(BIN)/python -m pip wheel --disable-pip-version-check --no-deps --wheel-dir dist .
 
 clean:
-	rm -rf $(VENV) site dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) site dist mutants .pytest_cache .mypy_cache .ruff_cache .hypothesis
