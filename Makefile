@@ -59,7 +59,7 @@ test: $(VENV)/.installed-dev
 test-slow: $(VENV)/.installed-dev
 	@$(BIN)/python -m pytest -m slow $(ARGS)
 
-# Killed runs, torn files, foreign agents, millions of malformed inputs: what CI runs a short share of (docs/trust.md).
+# Killed runs, torn files, foreign agents, millions of malformed inputs: what CI runs a short share of (docs/explanation/trust.md).
 test-hostile: $(VENV)/.installed-dev
 	@GAVEL_HOSTILE=full $(BIN)/python -m pytest -n $(WORKERS) -m hostile $(ARGS)
 

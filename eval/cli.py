@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import os
 import pkgutil
 import sys
@@ -61,9 +62,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit status: 0 = done, 1 = done and the answer is no, 2 = wrong use or bad input (said on stderr).
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files may be no text
     arguments = build_parser().parse_args(argv)
     try:
-        return int(arguments.run(arguments))
+        status = int(arguments.run(arguments))
+        sys.stdout.flush()
+        return status
     except GavelError as error:
         print(f"gavel: {error}", file=sys.stderr)
         return 2
@@ -71,6 +77,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader (head, less) has gone; keep the interpreter from complaining when it flushes at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        if error.errno is None:
+            raise
+        place = f"{error.filename}: " if error.filename else ""
+        print(f"gavel: {place}{error.strerror}", file=sys.stderr)
+        if error.filename is None:  # standard output itself may be what is full
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 2
     except KeyboardInterrupt:
         print("gavel: interrupted", file=sys.stderr)
         return 130

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 from eval.commands._families import family_parser
 from eval.commands._runs import add_how, add_shown, names, positive, run_shown, seeds
 
 if TYPE_CHECKING:
+    from eval.records.schema import EpisodeRecord
     from gavel_env.instructions.record import InstructionSet
 
 __all__ = ["register"]
@@ -110,11 +112,22 @@ def _eval(arguments: argparse.Namespace) -> int:
         plugins=arguments.plugin,
     )
     path, status = run_shown(arguments, plan)
-    found = results(read_records([path], whole=False), arguments.compare, read_prices(arguments.prices))
+    records = read_records([path], whole=False)
+    found = results(records, arguments.compare, read_prices(arguments.prices))
     sys.stdout.write(render(found, arguments.format, failures=arguments.failures, costs=arguments.costs))
     if not arguments.quiet:
         print(f"gavel eval: records in {path}", file=sys.stderr)
-    return status
+    return status or _all_failed(records.records.values())
+
+
+def _all_failed(records: Collection[EpisodeRecord]) -> int:
+    """Return 1, and say why, if every episode ended in an error: that is no result of the agents."""
+    if not records or any(record.outcome not in ("error", "rejected") for record in records):
+        return 0
+    first = next(iter(records))
+    last = (first.error.strip().splitlines() or [first.failure])[-1]
+    print(f"gavel eval: every episode failed; the first: {last}", file=sys.stderr)
+    return 1
 
 
 def _files(paths: list[str] | None, kind: str | None) -> list[InstructionSet]:

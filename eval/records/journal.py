@@ -6,6 +6,7 @@ torn is cut off before anything is appended, so its episode runs again.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -62,7 +63,7 @@ def read_records(paths: Iterable[str | Path], *, whole: bool = True) -> RecordFi
     contestants: dict[Contestant, Contestant] = {}
     damaged: list[str] = []
     for path in map(Path, paths):
-        file = path / "records.jsonl" if path.is_dir() else path
+        file = path / "records.jsonl" if os.path.isdir(path) else path
         for number, line in enumerate(read_bytes(file, "records", most=MOST_BYTES).splitlines(keepends=True), start=1):
             if not line.endswith(b"\n"):
                 damaged.append(f"{file}:{number}: torn last line")

@@ -54,6 +54,8 @@ class ScriptedModel:
             if not record.completions:
                 raise DataError(f"{path}:{number}: {name!r} has no completions")
             self._completions[name] = record.completions
+        if not self._completions:
+            raise DataError(f"scripted completions {path} hold none")
         self._records = InstructionLookup()
 
     def know(self, instruction: Instruction) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import gymnasium as gym
 import msgspec
+import numpy as np
 
 from gavel_env.data import convert
 from gavel_env.envs.action_codec import ActionCodec
@@ -14,13 +15,21 @@ from gavel_env.envs.graph_encoder import GraphEncoder
 from gavel_env.envs.rewards import RewardWeights
 from gavel_env.envs.spaces import MAX_INSTRUCTION, observation_space
 from gavel_env.envs.unicode_text import is_unicode
-from gavel_env.errors import BadEnvironmentOption, GavelError, InstructionError, ResetNeeded, UnknownInstruction
-from gavel_env.exchange import EnvAction, Observed
+from gavel_env.errors import (
+    BadAction,
+    BadEnvironmentOption,
+    GavelError,
+    InstructionError,
+    ResetNeeded,
+    UnknownInstruction,
+)
+from gavel_env.exchange import EnvAction, Observed, ReturnWhen
 from gavel_env.house.robot_config import DEFAULT_ROBOT, RobotConfig
 from gavel_env.house.scenes import BENCHMARK_HOUSES, load_scene
 from gavel_env.instructions.record import Instruction, parse_instruction
 from gavel_env.instructions.sources import InstructionSource, gather
 from gavel_env.sim.episode import Episode, Judgement, Privileged
+from gavel_env.world_model.actions import Primitive
 from gavel_env.world_model.dynamics import Profile
 from gavel_env.world_model.ontology import default_ontology
 
@@ -231,7 +240,7 @@ class GavelEnv(gym.Env[Observation, Any]):
         """
         episode = self._running()
         if isinstance(action, EnvAction):
-            outcome = episode.step(action)
+            outcome = episode.step(_checked(action))
         else:
             outcome = episode.step(*self._codec.decode(action, self._encoder))
         self._steps += 1
@@ -370,6 +379,29 @@ class GavelEnv(gym.Env[Observation, Any]):
 def _check_choice(name: str, value: Any, known: tuple[Any, ...]) -> None:
     if value not in known:
         raise BadEnvironmentOption(f"{name} is {value!r}; choose from {', '.join(repr(k) for k in known)}")
+
+
+def _checked(action: EnvAction) -> EnvAction:
+    """Return an action in names, its parts of the types that they should have.
+
+    Raises:
+        BadAction: one of them is not; says which.
+    """
+    primitive, target, prior, other_than, when = action
+    if not isinstance(primitive, Primitive):
+        raise BadAction(f"primitive is {primitive!r:.80}; expected a gavel_env.Primitive")
+    if not (target is None or isinstance(target, str)):
+        raise BadAction(f"target is {target!r:.80}; expected a text or None")
+    if prior is not None:
+        if not isinstance(prior, Mapping) or not all(isinstance(room, str) for room in prior):
+            raise BadAction(f"search_prior is {prior!r:.80}; expected room id -> weight")
+        if not all(isinstance(weight, int | float | np.number) for weight in prior.values()):
+            raise BadAction(f"search_prior is {prior!r:.80}; expected numbers for weights")
+    if not isinstance(other_than, tuple | list | frozenset | set) or not all(isinstance(o, str) for o in other_than):
+        raise BadAction(f"other_than is {other_than!r:.80}; expected observed ids")
+    if when is not None and not (isinstance(when, ReturnWhen) and all(isinstance(text, str) for text in when.seen)):
+        raise BadAction(f"return_when is {when!r:.80}; expected a ReturnWhen of designators")
+    return action
 
 
 def _fitting_nodes(instructions: Iterable[Instruction]) -> int:

@@ -27,6 +27,10 @@ _SMALLEST_WIDTH_PX = 560
 _DARK: Rgb = (66, 68, 88)  # over floor that was not seen
 
 
+_MOST_PIXELS_PER_M = 2000.0
+_MOST_PIXELS = 100_000_000
+
+
 class ScenePicture:
     """A scene drawn once, onto which frames are then drawn quickly.
 
@@ -57,8 +61,8 @@ class ScenePicture:
     ) -> None:
         if not scene.rooms:
             raise SceneError(f"scene {scene.scene!r} has no rooms; nothing can be drawn")
-        if pixels_per_m is not None and not pixels_per_m > 0:
-            raise SceneError(f"pixels_per_m is {pixels_per_m}; it must be positive")
+        if pixels_per_m is not None and not 0 < pixels_per_m <= _MOST_PIXELS_PER_M:
+            raise SceneError(f"pixels_per_m is {pixels_per_m}; it must be positive, at most {_MOST_PIXELS_PER_M:g}")
         self.scene = scene
         corners = np.array([point for room in scene.rooms for point in room.polygon])
         low, high = corners.min(axis=0), corners.max(axis=0)
@@ -75,6 +79,8 @@ class ScenePicture:
         self.caption_at = (margin, top + house_px + 20)
         caption_px = _CAPTION_ROW_PX * caption_lines + 8 if caption_lines else 0
         height = house_px + top + bottom + caption_px
+        if width * height > _MOST_PIXELS:
+            raise SceneError(f"the picture would have {width} x {height} pixels; choose fewer pixels_per_m")
         left = (width - float(extent[0]) * scale) / 2
         self.view = Viewport((float(low[0]), float(low[1])), scale, (left, float(top)), (width, height))
         self.background = self._draw(labels, rows, bottom if legend else 0)
