@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import shlex
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from support.commands import commands_of
 
 from eval.cli import build_parser, main
 
@@ -63,16 +62,6 @@ def test_unknown_command_exits_2_and_lists_the_known(capsys: pytest.CaptureFixtu
         main(["scnes"])
     assert stopped.value.code == 2
     assert "scenes" in capsys.readouterr().err
-
-
-def commands_of(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
-    """Yield the parsers of the commands without parts of their own, and of those that also run alone."""
-    groups = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
-    if not groups or parser.get_default("run") is not None:
-        yield parser
-    for group in groups:
-        for part in dict.fromkeys(group.choices.values()):
-            yield from commands_of(part)
 
 
 COMMANDS = {parser.prog: parser for parser in commands_of(build_parser())}

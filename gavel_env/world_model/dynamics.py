@@ -120,6 +120,7 @@ OWN_RULES: dict[Primitive, OwnRule] = {}
 
 
 def known(graph: SceneGraph, x: str) -> Violation | None:
+    """The target is an object that the graph knows."""
     if x in graph.world.nodes:
         return None
     kind = ViolationKind.ROOM_TARGET if x in graph.world.rooms else ViolationKind.UNKNOWN_OBJECT
@@ -127,49 +128,60 @@ def known(graph: SceneGraph, x: str) -> Violation | None:
 
 
 def _not_hidden(graph: SceneGraph, x: str) -> Violation | None:
+    """The target is not inside something shut."""
     blocker = graph.closed_container(x)
     return None if blocker is None else Violation(ViolationKind.HIDDEN, x, blocker)
 
 
 def accessible(graph: SceneGraph, x: str) -> Violation | None:
+    """Nothing that the target is inside is shut."""
     blocker = graph.closed_container(x)
     return None if blocker is None else Violation(ViolationKind.CLOSED, x, blocker)
 
 
 def near(graph: SceneGraph, x: str) -> Violation | None:
+    """The target is within reach or held."""
     return None if x in graph.near or x == graph.holding else Violation(ViolationKind.NOT_NEAR, x)
 
 
 def graspable(graph: SceneGraph, x: str) -> Violation | None:
+    """The target can be lifted, and is not part of the house."""
     node = graph.world.nodes[x]
     return None if node.category.liftable and not node.fixed else Violation(ViolationKind.NOT_GRASPABLE, x)
 
 
 def hand_free(graph: SceneGraph, x: str) -> Violation | None:
+    """The hand is empty."""
     return None if graph.holding is None else Violation(ViolationKind.HAND_FULL, x, graph.holding)
 
 
 def _hand_holds(graph: SceneGraph, x: str) -> Violation | None:
+    """The hand holds something."""
     return Violation(ViolationKind.HAND_EMPTY, x) if graph.holding is None else None
 
 
 def surface(graph: SceneGraph, y: str) -> Violation | None:
+    """Things can stand on the target."""
     return None if graph.category(y).surface else Violation(ViolationKind.NO_SURFACE, y)
 
 
 def interior(graph: SceneGraph, y: str) -> Violation | None:
+    """Things fit inside the target."""
     return None if graph.category(y).interior else Violation(ViolationKind.NO_INTERIOR, y)
 
 
 def opened(graph: SceneGraph, y: str) -> Violation | None:
+    """The target is open, or has no door."""
     return Violation(ViolationKind.CLOSED, y, y) if graph.is_shut(y) else None
 
 
 def _not_itself(graph: SceneGraph, y: str) -> Violation | None:
+    """The target is not what the hand holds."""
     return Violation(ViolationKind.SELF_PLACEMENT, y, y) if graph.holding == y else None
 
 
 def _no_cycle(graph: SceneGraph, y: str) -> Violation | None:
+    """The target is not on or in what the hand holds."""
     held = graph.holding
     if held is not None and held != y and graph.contains(held, y):
         return Violation(ViolationKind.CYCLE, y, held)
@@ -177,14 +189,17 @@ def _no_cycle(graph: SceneGraph, y: str) -> Violation | None:
 
 
 def door(graph: SceneGraph, y: str) -> Violation | None:
+    """The target has a door."""
     return None if graph.category(y).openable else Violation(ViolationKind.NO_DOOR, y)
 
 
 def switch(graph: SceneGraph, y: str) -> Violation | None:
+    """The target has a switch."""
     return None if graph.category(y).toggleable else Violation(ViolationKind.NO_SWITCH, y)
 
 
 def _door_shut(graph: SceneGraph, y: str) -> Violation | None:
+    """The target is shut, if it runs only with its door shut."""
     category = graph.category(y)
     if category.requires_closed and category.openable and not graph.is_shut(y):
         return Violation(ViolationKind.DOOR_OPEN, y, y)
@@ -195,6 +210,7 @@ def _door_shut(graph: SceneGraph, y: str) -> Violation | None:
 
 
 def _navigate_to(graph: SceneGraph, x: str) -> SceneGraph:
+    """The target, what it holds, what holds it, and what the hand carries are near; the robot is in its room."""
     held = graph.holding
     if x == held:
         return graph
@@ -206,6 +222,7 @@ def _navigate_to(graph: SceneGraph, x: str) -> SceneGraph:
 
 
 def _grasp(graph: SceneGraph, x: str) -> SceneGraph:
+    """The hand holds the target, with everything on or in it."""
     next_to = graph.next_to
     if next_to:
         next_to = frozenset(pair for pair in next_to if x not in pair)
@@ -214,6 +231,7 @@ def _grasp(graph: SceneGraph, x: str) -> SceneGraph:
 
 
 def _release(graph: SceneGraph, _: str) -> SceneGraph:
+    """The held object is on the floor of the robot's room, next to the near things that stand there."""
     held = graph.holding
     assert held is not None
     room = graph.robot_room
@@ -237,10 +255,13 @@ def _place(relation: Relation) -> Effect:
             placed = placed.with_flag(Flag.DIRTY, frozenset((y,)), value=False)
         return _chill(placed, y) if relation is Relation.INSIDE and not graph.category(y).openable else placed
 
+    where = "on the target, whose dirt a cloth takes off" if relation is Relation.ON_TOP else "inside the target"
+    effect.__doc__ = f"The held object is {where}."
     return effect
 
 
 def _open(graph: SceneGraph, y: str) -> SceneGraph:
+    """The target is open; if it runs only with its door shut, it goes off."""
     graph = graph.with_flag(Flag.OPEN, frozenset((y,)))
     if graph.category(y).requires_closed and y in graph.flags[Flag.TOGGLED]:
         graph = graph.with_flag(Flag.TOGGLED, frozenset((y,)), value=False)
@@ -248,6 +269,7 @@ def _open(graph: SceneGraph, y: str) -> SceneGraph:
 
 
 def _close(graph: SceneGraph, y: str) -> SceneGraph:
+    """The target is shut; what it holds freezes, if it is a freezer."""
     return _chill(graph.with_flag(Flag.OPEN, frozenset((y,)), value=False), y)
 
 
@@ -264,6 +286,7 @@ def _chill(graph: SceneGraph, y: str) -> SceneGraph:
 
 
 def _toggle_on(graph: SceneGraph, y: str) -> SceneGraph:
+    """The target is on; what it holds becomes cooked and hot, washed, dried or clean, as the ontology says."""
     graph = graph.with_flag(Flag.TOGGLED, frozenset((y,)))
     for flag, objects in conferred(graph, y).items():
         graph = graph.with_flag(flag, objects)
@@ -278,6 +301,7 @@ _UNDOES = {Flag.WASHED: Flag.DIRTY, Flag.HOT: Flag.FROZEN}
 
 
 def _toggle_off(graph: SceneGraph, y: str) -> SceneGraph:
+    """The target is off."""
     return graph.with_flag(Flag.TOGGLED, frozenset((y,)), value=False)
 
 
