@@ -357,8 +357,9 @@ RULES: Mapping[Primitive, Rule] = {
 
 def first_violation(graph: SceneGraph, action: Action, profile: Profile = Profile.PAPER) -> Violation | None:
     """Return the first violated precondition of `action` in `graph`, or None if it is applicable."""
-    rule = RULES.get(action.primitive)
-    if rule is None:
+    try:
+        rule = RULES[action.primitive]
+    except KeyError:
         return next(OWN_RULES[action.primitive].violations(graph, action.arguments), None)
     target = action.target or ""
     for check in rule.preconditions:
@@ -394,8 +395,9 @@ def violations(graph: SceneGraph, action: Action, profile: Profile = Profile.PAP
 
 def apply(graph: SceneGraph, action: Action) -> SceneGraph:
     """Return eff_a(G). The caller has seen that the preconditions hold (`first_violation` is None)."""
-    rule = RULES.get(action.primitive)
-    if rule is None:
+    try:
+        rule = RULES[action.primitive]
+    except KeyError:
         return OWN_RULES[action.primitive].effect(graph, action.arguments)
     return rule.effect(graph, action.target or "")
 

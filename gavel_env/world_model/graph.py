@@ -260,7 +260,8 @@ class SceneGraph(msgspec.Struct, frozen=True):
     def with_flag(self, flag: Flag, objects: frozenset[str], *, value: bool = True) -> SceneGraph:
         """Return the graph with `flag` set (or cleared) for `objects`."""
         flags = list(self.flags)
-        flags += [frozenset()] * (flag + 1 - len(flags))
+        if flag >= len(flags):
+            flags += [frozenset()] * (flag + 1 - len(flags))
         flags[flag] = flags[flag] | objects if value else flags[flag] - objects
         return msgspec.structs.replace(self, flags=tuple(flags))
 

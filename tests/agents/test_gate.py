@@ -7,6 +7,8 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from support.worlds import kitchen
 
 import gavel_agents
@@ -140,6 +142,40 @@ def test_repair_mends_what_was_read_and_the_gate_stays_shut():
     assert found.final.valid
     assert not found.passed
     assert verify(graph=LAB, goal=GOAL, plan=plan, strict=False).passed
+
+
+JUNK = (
+    "WOBBLE(vial)",
+    "GRASP()",
+    "PLACE_ON_TOP",
+    "well now",
+    "OPEN(cupboard) FOO(x)",
+    "GRASP(vial) and RELEASE",
+    "x" * 5000,
+)
+TOLD = ("", "# a comment", "Plan:", "```", "Task 1:")
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.sampled_from((*STEPS, "RELEASE", "2. open the cupboard")) | st.sampled_from(JUNK + TOLD), max_size=9)
+)
+def test_a_line_is_a_step_or_a_finding_or_says_nothing(lines):
+    """A step that is neither in the plan nor among the findings would have vanished."""
+    found = judged("\n".join(lines))
+    findings = {piece.line for piece in found.unread}
+    assert {n for n, line in enumerate(lines, 1) if line in JUNK} <= findings
+    assert not {n for n, line in enumerate(lines, 1) if line in STEPS} & findings
+    steps = [line for line in lines if line not in (*JUNK, *TOLD)]
+    assert len(found.plan) >= len(steps)
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.text(alphabet="GRASP(vial),[]{}\"':\n .#<think>/null1", max_size=60))
+def test_no_text_is_worse_than_a_finding(text):
+    found = judged(text)
+    assert isinstance(found.passed, bool)
+    jsonschema.validate(json.loads(json.dumps(found.as_dict())), SCHEMA)
 
 
 # --- goals in any form ----------------------------------------------------------------------------------------------

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import json
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import gavel_agents
 from gavel_env.errors import GavelError, GraphError
@@ -248,6 +251,41 @@ def test_what_is_malformed_is_a_typed_error(importer, source, tmp_path):
     for cut in range(1, len(text), len(text) // 25):
         with pytest.raises(GavelError):
             importer(text[:cut])
+
+
+ODD = (
+    st.none()
+    | st.booleans()
+    | st.integers(-2, 3)
+    | st.floats()
+    | st.sampled_from(["", "|", "a b", "Rooms"])
+    | st.just([])
+)
+
+
+def spots(value, path=()):
+    """Yield every path inside a JSON value."""
+    entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in entries:
+        yield (*path, key)
+        yield from spots(inner, (*path, key))
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.data())
+def test_no_source_is_worse_than_a_typed_error(data):
+    importer, source = data.draw(st.sampled_from(SOURCES))
+    changed = copy.deepcopy(source)
+    *path, last = data.draw(st.sampled_from(list(spots(source))))
+    at = changed
+    for key in path:
+        at = at[key]
+    at[last] = data.draw(ODD)
+    try:
+        found = importer(changed)
+    except GavelError:
+        return
+    assert SceneGraph.from_json(found.graph().to_json()) == found.graph()
 
 
 def test_edges_to_nowhere_are_said():

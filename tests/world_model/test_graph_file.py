@@ -205,7 +205,7 @@ PLACES = [
 ]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(PLACES), VALUES), min_size=1, max_size=3))
 def test_no_file_is_worse_than_a_typed_error(changes):
     data = copy.deepcopy(LAB)
@@ -226,7 +226,7 @@ def test_no_file_is_worse_than_a_typed_error(changes):
         graph.room_of(obj)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(st.binary(max_size=40) | st.text(max_size=40))
 def test_no_bytes_are_worse_than_a_typed_error(content):
     with pytest.raises(GavelError):
