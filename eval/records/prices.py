@@ -1,9 +1,7 @@
-"""What tokens cost: list prices per million, from a small file that users replace by their own."""
+"""What tokens cost: prices per million, from a small file that users write."""
 
 from __future__ import annotations
 
-from functools import cache
-from importlib import resources
 from pathlib import Path
 
 import msgspec
@@ -64,17 +62,10 @@ class Prices(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return (prompt_tokens * price.prompt + completion_tokens * price.completion) / 1e6
 
 
-@cache
-def _shipped() -> Prices:
-    return read_json(Path(str(resources.files("eval.records") / "prices.json")), Prices, "prices")
-
-
 def read_prices(path: str | Path | None = None) -> Prices:
-    """Read a price file; the shipped one without a path.
+    """Read a price file; without a path there are no prices: providers change them, so none are shipped.
 
     Raises:
         DataError: it cannot be read; says where.
     """
-    if path is None:
-        return _shipped()
-    return read_json(path, Prices, "prices")
+    return Prices() if path is None else read_json(path, Prices, "prices")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -186,7 +187,11 @@ def test_runs_are_ranked_on_the_same_data_only(tmp_path: Path, capsys: pytest.Ca
 
 
 def test_prices_are_read_found_and_shown(tmp_path: Path) -> None:
-    prices = read_prices()
+    assert read_prices().models == {}
+    price = {"prompt": 2.0, "completion": 8.0}
+    names = ("claude-sonnet-4", "claude-sonnet-4-5", "gpt-4o", "gpt-4.1")
+    (tmp_path / "mine.json").write_text(json.dumps({"models": dict.fromkeys(names, price)}))
+    prices = read_prices(tmp_path / "mine.json")
     assert prices.find("claude-sonnet-4-5-20250929") == prices.models["claude-sonnet-4-5"]
     assert prices.find("claude-sonnet-4-20250514") == prices.models["claude-sonnet-4"]
     assert prices.find("gpt-4o-mini-audio") is None
