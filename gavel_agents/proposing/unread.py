@@ -83,7 +83,9 @@ def steps_among(dropped: Sequence[Dropped], task: int) -> tuple[str, ...]:
 
 def _looks_like_a_step(text: str) -> bool:
     words = without_bullet(text).split()
-    return bool(_CALL.search(text)) or bool(words and len(words) <= 3 and nearest_primitives(words[0]))
+    if not words or len(words) > 3:
+        return bool(_CALL.search(text))
+    return bool(_CALL.search(text)) or words[0].isupper() or bool(nearest_primitives(words[0]))
 
 
 def _is_no_step(line: str) -> bool:

@@ -245,6 +245,25 @@ def test_the_lifted_domain_has_them_when_pddl_can_say_them():
     assert task.domain.count("(") == task.domain.count(")")
 
 
+@pytest.mark.parametrize(
+    ("flags", "goal"), [({}, "filled(cup)"), ({"jug": [], "bench": ["dirty"]}, "filled(cup), not dirty(bench)")]
+)
+def test_another_planner_solves_the_lifted_task(flags, goal):
+    """Fast Downward reads the domain with the added actions, and its plans are valid here."""
+    shortcuts = pytest.importorskip("unified_planning.shortcuts")
+    reader = pytest.importorskip("unified_planning.io").PDDLReader()
+    pytest.importorskip("up_fast_downward")
+    shortcuts.get_environment().credits_stream = None
+    unregister_action("WIPE")
+    plain = OwnAction("WIPE", ("x",), needs=("near(x)", "hand_free(x)", "accessible(x)"), effects=("not dirty(x)",))
+    with registered(plain):
+        task = planning_task(lab(**flags), goal)
+        with shortcuts.OneshotPlanner(name="fast-downward") as planner:
+            solved = planner.solve(reader.parse_problem_string(task.domain, task.problem)).plan
+        steps = [task.action(a.action.name, [str(x) for x in a.actual_parameters]) for a in solved.actions]
+        assert validate(lab(**flags), steps, goal).valid
+
+
 def test_the_grounded_export_steps_as_the_model_does():
     """Every grounded step of one's own is applicable, and changes the state's facts, as in the world model."""
     unregister_action("WIPE")
