@@ -89,6 +89,8 @@ def read_plan(path: str) -> str:
 def _report(result: Verified) -> None:
     from rich.console import Console
 
+    from gavel_agents.proposing.complaint import complaint
+
     out = Console(highlight=False, markup=False)
     where = f"{result.instruction} in {result.scene}" if result.instruction else result.scene or "own graph"
     out.print(f"{where} ({result.profile.value} rules)", style="bold")
@@ -106,8 +108,9 @@ def _report(result: Verified) -> None:
             out.print(f"  {edit}", style="cyan")
         _print_diff(out, result)
         _print_verdict(out, "repaired plan", result.repaired.verdict, result)
-    if result.complaint:
-        out.print("\n" + result.complaint, style="dim")
+    wrong = complaint(result.final, profile=result.profile)
+    if wrong is not None:
+        out.print("\n" + wrong.text(), style="dim")
 
 
 def _print_verdict(out: Console, name: str, verdict: Verdict, result: Verified) -> None:
@@ -116,6 +119,9 @@ def _print_verdict(out: Console, name: str, verdict: Verdict, result: Verified) 
         without = f" ({missing} and left out)" if result.unread else ""
         cost = f"{verdict.cost:.4g} {result.unit}"
         out.print(f"{name}: valid, {len(verdict.plan)} steps, {cost}{without}", style="bold green")
+        return
+    if verdict.valid and verdict is not result.verdict:
+        out.print(f"{name}: valid, but not passed: {missing.replace('of it', 'of the plan')}", style="bold red")
         return
     if verdict.valid:
         out.print(f"{name}: invalid: {missing}; the steps that were read are valid", style="bold red")

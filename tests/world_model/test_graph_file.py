@@ -6,7 +6,6 @@ import copy
 import json
 import math
 import runpy
-import time
 from pathlib import Path
 
 import jsonschema
@@ -14,12 +13,14 @@ import networkx as nx
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.counting import calls_of
 from support.worlds import kitchen
 
 from gavel_env.errors import GavelError, GraphError, UndeclaredCategory
 from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.initial_graph import scene_graph
 from gavel_env.world_model.actions import parse_action
+from gavel_env.world_model.goals import as_goal
 from gavel_env.world_model.graph import Flag, Relation, SceneGraph
 from gavel_env.world_model.ontology import default_ontology
 from gavel_env.world_model.travel import travel_cost
@@ -305,19 +306,22 @@ SEVENTEEN = plan(
 )
 
 
-def test_loading_takes_time_in_proportion_to_the_nodes():
-    """Ten times the nodes may take at most twenty times as long, in the same run: nothing is quadratic."""
-    SceneGraph.from_json(many(100))
+def test_ten_times_the_nodes_take_ten_times_the_calls():
+    """Loading is linear: nothing asks of every node for every node."""
+    small, large = many(300), many(3_000)
+    SceneGraph.from_json(small)
+    assert calls_of(lambda: SceneGraph.from_json(large)) < 11 * calls_of(lambda: SceneGraph.from_json(small))
 
-    def seconds(text):
-        best = math.inf
-        for _ in range(3):
-            begun = time.process_time()
-            SceneGraph.from_json(text)
-            best = min(best, time.process_time() - begun)
-        return best
 
-    assert seconds(many(10_000)) < 20 * seconds(many(1_000))
+def test_a_plan_takes_as_many_calls_on_a_large_graph_as_on_a_small_one():
+    goal = as_goal("on_top(mug_0, table_9)")
+    counts = []
+    for size in (300, 3_000):
+        graph = SceneGraph.from_json(many(size))
+        validate(graph, SEVENTEEN, goal)
+        counts.append(calls_of(lambda graph=graph: validate(graph, SEVENTEEN, goal)))
+    # What lies on a table comes near with it, and tables hold nine mugs in both.
+    assert counts[0] == counts[1]
 
 
 def test_a_plan_on_ten_thousand_nodes_is_validated():

@@ -5,10 +5,9 @@ from __future__ import annotations
 import copy
 import json
 import re
-import sys
-from collections import Counter
 
 import pytest
+from support.counting import calls_of
 
 import gavel_agents
 from gavel_agents.edits.repair import repair
@@ -332,21 +331,6 @@ def test_states_are_made_once_and_relations_are_none():
 
 
 # --- as fast as before --------------------------------------------------------------------------------------------
-
-
-def calls_of(function) -> int:
-    """Return how many Python and C functions a call runs."""
-    counted: Counter[str] = Counter()
-
-    def count(_frame, event, _argument):
-        counted[event] += 1
-
-    sys.setprofile(count)
-    try:
-        function()
-    finally:
-        sys.setprofile(None)
-    return counted["call"] + counted["c_call"]
 
 
 def test_a_step_of_the_nine_runs_no_more_functions_with_actions_of_ones_own_than_without():
