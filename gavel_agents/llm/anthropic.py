@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from gavel_agents.llm.bounded import bounded_client
 from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt
 from gavel_agents.llm.service import CHECK, MalformedAnswer, Retries, complete_all, endpoint_of, key_of, retried
 
@@ -49,7 +50,11 @@ class AnthropicModel:
         self._sdk, self._endpoint, self._sleep = anthropic, endpoint, sleep
         self._retries = retries or Retries()
         client: Any = anthropic.Anthropic(
-            api_key=key, base_url=endpoint.base_url, timeout=self._retries.timeout_s, max_retries=0
+            api_key=key,
+            base_url=endpoint.base_url,
+            timeout=self._retries.timeout_s,
+            max_retries=0,
+            http_client=bounded_client(anthropic, self._retries.timeout_s),
         )
         self._create = client.messages.create
         self._secret: Callable[[], str] = lambda: key

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from gavel_agents.llm.bounded import bounded_client
 from gavel_agents.llm.grammar import json_schema, plan_schema
 from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, decoding_of, spec_options
 from gavel_agents.llm.service import CHECK, MalformedAnswer, Retries, complete_all, endpoint_of, key_of, retried
@@ -82,7 +83,11 @@ class OpenAIModel:
         self._sdk, self._endpoint, self._sleep = openai, endpoint, sleep
         self._retries = retries or Retries()
         client: Any = openai.OpenAI(
-            api_key=key, base_url=endpoint.base_url, timeout=self._retries.timeout_s, max_retries=0
+            api_key=key,
+            base_url=endpoint.base_url,
+            timeout=self._retries.timeout_s,
+            max_retries=0,
+            http_client=bounded_client(openai, self._retries.timeout_s),
         )
         self._create = client.chat.completions.create
         self._secret: Callable[[], str] = lambda: key

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import queue
 import re
+import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -72,7 +74,7 @@ class Retries(NamedTuple):
         attempts: requests at most.
         first_wait_s: before the second one; doubled each time.
         longest_wait_s: also of what the server asks for.
-        timeout_s: of one request.
+        timeout_s: of one request, in all.
     """
 
     attempts: int = 6
@@ -144,7 +146,9 @@ def retried(
     for attempt in range(retries.attempts):
         wait_s = min(retries.first_wait_s * 2.0**attempt, retries.longest_wait_s)
         try:
-            return request()
+            return _within(request, retries.timeout_s)
+        except _TooSlow:
+            why = f"no answer within {retries.timeout_s:g} s"
         except (sdk.AuthenticationError, sdk.PermissionDeniedError) as error:
             raise EndpointError(f"{who}: the key in {key_variable} was refused (HTTP {error.status_code})") from None
         except sdk.NotFoundError as error:
@@ -163,6 +167,37 @@ def retried(
         if attempt + 1 < retries.attempts:
             sleep(wait_s)
     raise EndpointError(f"{who}: {why} (tried {retries.attempts} times)")
+
+
+class _TooSlow(Exception):
+    """A request was not answered in time."""
+
+
+def _within(request: Callable[[], Completion], seconds: float) -> Completion:
+    """Make a request that has so many seconds in all.
+
+    The timeouts of HTTP clients are of one read each, so a server that sends a byte now and then outlives them. What is
+    not answered in time is left to a thread that holds nothing up.
+
+    Raises:
+        _TooSlow: it was not answered.
+    """
+    answered: queue.SimpleQueue[Completion | BaseException] = queue.SimpleQueue()
+
+    def ask() -> None:
+        try:
+            answered.put(request())
+        except BaseException as error:  # noqa: BLE001  raised again below
+            answered.put(error)
+
+    threading.Thread(target=ask, daemon=True).start()
+    try:
+        answer = answered.get(timeout=seconds)
+    except queue.Empty:
+        raise _TooSlow from None
+    if isinstance(answer, BaseException):
+        raise answer
+    return answer
 
 
 def _asked_wait_s(error: Any) -> float | None:

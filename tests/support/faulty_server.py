@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import threading
 import time
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -56,6 +57,12 @@ def _good(path: str, body: dict[str, Any]) -> dict[str, Any]:
             "usage": usage}  # fmt: skip
 
 
+def _bomb() -> bytes:
+    """Return 300 MB of spaces, packed piece by piece."""
+    packer = zlib.compressobj(9, wbits=zlib.MAX_WBITS | 16)
+    return b"".join([*(packer.compress(b" " * (1 << 20)) for _ in range(300)), packer.flush()])
+
+
 def _handler(faults: Faults) -> type[BaseHTTPRequestHandler]:
     turn = threading.Lock()
 
@@ -69,7 +76,13 @@ def _handler(faults: Faults) -> type[BaseHTTPRequestHandler]:
                 fault = faults.script.pop(0) if faults.script else "good"
             if fault == "slow":
                 time.sleep(faults.slow_s)
-            if fault == "cut":
+            if fault == "drip":
+                self.drip()
+            elif fault == "bomb":
+                self.reply(200, _bomb(), packed=True)
+            elif fault == "flood":
+                self.reply(200, b" " * (20 << 20))
+            elif fault == "cut":
                 self.reply(200, b'{"id": "c", "choi', length=500)
             elif fault == "nonsense":
                 self.reply(200, b"<html>It works!</html>", kind="text/html")
@@ -86,9 +99,24 @@ def _handler(faults: Faults) -> type[BaseHTTPRequestHandler]:
             else:
                 self.reply(200, json.dumps(_good(self.path, body)).encode())
 
-        def reply(self, status: int, content: bytes, *, kind: str = "application/json", length: int = 0) -> None:
+        def drip(self) -> None:
+            """Send a byte now and then, always before a read would time out."""
+            try:
+                for byte in b"HTTP/1.1 200 OK\r\nX: " + b"x" * 60:
+                    self.wfile.write(bytes([byte]))
+                    self.wfile.flush()
+                    time.sleep(0.05)
+            except ConnectionError:
+                return
+            self.close_connection = True
+
+        def reply(
+            self, status: int, content: bytes, *, kind: str = "application/json", length: int = 0, packed: bool = False
+        ) -> None:
             try:
                 self.send_response(status)
+                if packed:
+                    self.send_header("Content-Encoding", "gzip")
                 self.send_header("Content-Type", kind)
                 self.send_header("Content-Length", str(length or len(content)))
                 if status == 429:
