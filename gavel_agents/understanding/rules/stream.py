@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Sequence
 
@@ -35,7 +36,7 @@ ACTS = ("MOVE", "FILL", "HEAT", "WASH", "DRY", "FREEZE", "RUN", "SWITCH", "OPEN"
 FROM = ("from", "out", "off", "of", "for", "with")
 
 
-class Stream:
+class Stream(ABC):
     """Reads tokens one after the other; what each does stands in the classes that build on it."""
 
     def __init__(
@@ -101,21 +102,21 @@ class Stream:
 
     # --- what the classes that build on it do -------------------------------------------------------------------------
 
+    @abstractmethod
     def put(self, target: Entity | Pronoun | Room | There | Unknown) -> None:
         """Add a thing, or the phrase of the preposition before it."""
-        raise NotImplementedError
 
+    @abstractmethod
     def state(self, token: Token) -> None:
         """Take `is`, `should`, `belongs`, `Tom left`."""
-        raise NotImplementedError
 
+    @abstractmethod
     def room_after(self) -> str | None:
         """Take `in the kitchen` after a piece of furniture."""
-        raise NotImplementedError
 
+    @abstractmethod
     def named_room(self, token: Token) -> str:
         """Return the room type that a token names in this house."""
-        raise NotImplementedError
 
 
 def goes(frame: Frame) -> bool:
