@@ -97,8 +97,9 @@ def test_damage_in_the_middle_costs_one_member_and_is_said(tmp_path: Path) -> No
 def test_a_small_file_that_unpacks_to_much_is_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gavel_env.appended.MEMBER_BYTES", 1 << 20)
     path = tmp_path / "conversations.jsonl.gz"
-    path.write_bytes(gzip.compress(b"0" * (4 << 20)))
-    assert list(read_members(path)) == []
+    small, large = gzip.compress(b"0" * (1 << 20)), gzip.compress(b"0" * (4 << 20))
+    path.write_bytes(small + large + small)
+    assert [(m.start, len(m.content)) for m in read_members(path)] == [(0, 1 << 20), (len(small + large), 1 << 20)]
 
 
 def test_secrets_are_out_before_anything_is_hashed_or_encoded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
