@@ -78,6 +78,8 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "a goal in an unknown room": (wanting("inside(apple, fridge@ballroom)"), "no room 'ballroom'; rooms: "),
     "an apple that is open": (wanting("open(apple)"), "'apple' is not openable"),
     "a fridge that is cooked": (wanting("cooked(fridge)"), "'fridge' is not cookable"),
+    "a wardrobe that is washed": (wanting("washed(wardrobe)"), "'wardrobe' is not liftable"),
+    "a sofa that is dried": (wanting("dried(sofa)"), "'sofa' is not liftable"),
     "a lamp that is inside an apple": (wanting("inside(floor_lamp, apple)"), "'apple' has no interior"),
     "two places at once": (wanting("inside(apple, fridge)", "on_top(apple, countertop)"), "two places"),
     "a contradiction": (wanting("inside(apple, fridge)", "not inside(apple, fridge)"), "contrary"),
