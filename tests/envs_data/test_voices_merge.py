@@ -8,9 +8,9 @@ import pytest
 from envs_data.build.voices.merge import Rejected, merge, split
 from envs_data.build.voices.readings import Reading, ReadTask
 from envs_data.build.voices.scenarios import draw
-from gavel_env.instructions.record import Instruction, TaskSpec, parse_instruction
+from gavel_env.instructions.record import Instruction, TaskSpec
 
-MILK = parse_instruction(
+MILK = msgspec.convert(
     {
         "id": "milk",
         "scene": "Rs_int",
@@ -32,7 +32,7 @@ MILK = parse_instruction(
         ],
         "meta": {"voice": "curt", "shapes": ["take_out"]},
     },
-    "test",
+    Instruction,
 )
 TEXT = "milk, out of the fridge, table"
 FRIDGE = ("inside(carton_of_milk, fridge@kitchen)",)

@@ -17,7 +17,8 @@ import msgspec
 
 from envs_data.build.voices.packets import read_written, reader_packets, writer_packets
 from envs_data.build.voices.scenarios import SEED, draw
-from gavel_env.instructions.record import Instruction, read_instructions
+from gavel_env.data import read_lines
+from gavel_env.instructions.record import Instruction
 
 __all__ = ["main"]
 
@@ -63,7 +64,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments.scenarios.write_bytes(b"".join(msgspec.json.encode(r) + b"\n" for r in records))
         print(f"{arguments.scenarios}: {len(records)} scenarios")
         return 0
-    scenarios: dict[str, Instruction] = dict(read_instructions(arguments.scenarios))
+    # Scenarios have no texts yet, so they are no instructions that `read_instructions` would take.
+    drawn = read_lines(arguments.scenarios, Instruction, "scenarios")
+    scenarios = {record.id: record for record in drawn}
     folder: Path = arguments.folder
     if arguments.command == "merge":
         from envs_data.build.voices.merge import merge_files
