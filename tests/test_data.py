@@ -77,12 +77,6 @@ def test_only_regular_files_are_read(tmp_path: Path) -> None:
             read_bytes(tmp_path / name, "test file")
 
 
-def test_whole_members_before_a_torn_one_are_kept_where_asked_for(tmp_path: Path) -> None:
-    path = tmp_path / "killed.gz"
-    path.write_bytes(gzip.compress(b"one\n") + gzip.compress(b"two\n" * 999)[:-4])
-    assert read_bytes(path, "test file", torn=True) == b"one\n"
-
-
 @pytest.mark.parametrize(
     ("source", "path"), [("single", False), ("single.jsonl", True), ("./single", True), (Path("single"), True)]
 )
