@@ -93,6 +93,7 @@ CASES = [
         "park",
         f"NAVIGATE_TO(apple_0) GRASP(apple_0) {BOWL}",
         "not on_top(apple, countertop) & inside(bowl, bookcase)",
+        edit="step 4: hand_full(bowl_0) (because of apple_0) -> insert PLACE_ON_TOP(countertop_0)",
     ),
     RuleCase(
         "set_down_to_operate",
@@ -100,6 +101,8 @@ CASES = [
         f"PLACE_INSIDE({FRIDGE}) CLOSE({FRIDGE})",
         "inside(apple, fridge)",
         Profile.OMNIGIBSON,
+        edit="step 4: hand_full(fridge_0) (because of apple_0) -> "
+        "replace OPEN(fridge_0) by PLACE_ON_TOP(fridge_0) OPEN(fridge_0) GRASP(apple_0)",
     ),
     RuleCase(
         "grasp_in_passing",
@@ -133,8 +136,19 @@ CASES = [
         edit="step 4: no_interior(breakfast_table_0) -> "
         "replace PLACE_INSIDE(breakfast_table_0) by PLACE_ON_TOP(breakfast_table_0)",
     ),
-    RuleCase("deliver_instead", CARRY.replace(TABLE, "floor_lamp_0"), ON_TABLE),
-    RuleCase("deliver_instead", CARRY.replace(f"PLACE_ON_TOP({TABLE})", "PLACE_ON_TOP(apple_0)"), ON_TABLE),
+    RuleCase(
+        "deliver_instead",
+        CARRY.replace(TABLE, "floor_lamp_0"),
+        ON_TABLE,
+        edit="step 4: no_surface(floor_lamp_0) -> replace PLACE_ON_TOP(floor_lamp_0) by "
+        "NAVIGATE_TO(breakfast_table_0) PLACE_ON_TOP(breakfast_table_0)",
+    ),
+    RuleCase(
+        "deliver_instead",
+        CARRY.replace(f"PLACE_ON_TOP({TABLE})", "PLACE_ON_TOP(apple_0)"),
+        ON_TABLE,
+        edit="step 4: self_placement(apple_0) -> replace PLACE_ON_TOP(apple_0) by PLACE_ON_TOP(breakfast_table_0)",
+    ),
     RuleCase(
         "place_elsewhere",
         CARRY.replace(TABLE, "napkin_0"),
@@ -146,6 +160,7 @@ CASES = [
         "release_in_room",
         f"NAVIGATE_TO(apple_0) GRASP(apple_0) NAVIGATE_TO({SHELF}) PLACE_ON_TOP(living_room_0)",
         "in_room(apple, living_room)",
+        edit="step 4: room_target(living_room_0) -> replace PLACE_ON_TOP(living_room_0) by RELEASE()",
     ),
     RuleCase(
         "drop_doors",
@@ -153,7 +168,12 @@ CASES = [
         "inside(bowl, bookcase)",
         edit="step 4: no_door(bookcase_0) -> drop OPEN(bookcase_0) (step 4) CLOSE(bookcase_0) (step 6)",
     ),
-    RuleCase("drop_switches", f"NAVIGATE_TO({TABLE}) TOGGLE_ON({TABLE}) {CARRY}", ON_TABLE),
+    RuleCase(
+        "drop_switches",
+        f"NAVIGATE_TO({TABLE}) TOGGLE_ON({TABLE}) {CARRY}",
+        ON_TABLE,
+        edit="step 2: no_switch(breakfast_table_0) -> drop TOGGLE_ON(breakfast_table_0) (step 2)",
+    ),
     RuleCase(
         "shut_before_running",
         f"{IN_OVEN} TOGGLE_ON({OVEN}) TOGGLE_OFF({OVEN})",
@@ -166,8 +186,20 @@ CASES = [
         "cooked(apple)",
         edit="end: unmet cooked(apple) -> append TOGGLE_ON(oven_0) TOGGLE_OFF(oven_0)",
     ),
-    RuleCase("load_before_running", f"NAVIGATE_TO({OVEN}) TOGGLE_ON({OVEN}) TOGGLE_OFF({OVEN})", "cooked(apple)"),
-    RuleCase("run_named_appliance", f"NAVIGATE_TO({OVEN})", f"cooked(apple) & {ON_TABLE}"),
+    RuleCase(
+        "load_before_running",
+        f"NAVIGATE_TO({OVEN}) TOGGLE_ON({OVEN}) TOGGLE_OFF({OVEN})",
+        "cooked(apple)",
+        edit="end: unmet cooked(apple) -> insert NAVIGATE_TO(apple_0) GRASP(apple_0) NAVIGATE_TO(oven_0) OPEN(oven_0) "
+        "PLACE_INSIDE(oven_0) CLOSE(oven_0)",
+    ),
+    RuleCase(
+        "run_named_appliance",
+        f"NAVIGATE_TO({OVEN})",
+        f"cooked(apple) & {ON_TABLE}",
+        edit="end: unmet on_top(apple, breakfast_table) -> append OPEN(oven_0) GRASP(apple_0) CLOSE(oven_0) "
+        "NAVIGATE_TO(breakfast_table_0) PLACE_ON_TOP(breakfast_table_0)",
+    ),
     RuleCase(
         "place_held",
         CARRY.replace(f" PLACE_ON_TOP({TABLE})", ""),
@@ -180,7 +212,13 @@ CASES = [
         "inside(bowl, bookcase)",
         edit="end: unmet inside(bowl, bookcase) -> replace PLACE_ON_TOP(bookcase_0) by PLACE_INSIDE(bookcase_0)",
     ),
-    RuleCase("redirect", CARRY.replace(TABLE, "stove_0"), ON_TABLE),
+    RuleCase(
+        "redirect",
+        CARRY.replace(TABLE, "stove_0"),
+        ON_TABLE,
+        edit="end: unmet on_top(apple, breakfast_table) -> replace PLACE_ON_TOP(stove_0) by "
+        "NAVIGATE_TO(breakfast_table_0) PLACE_ON_TOP(breakfast_table_0)",
+    ),
     RuleCase(
         "deliver",
         CARRY,
@@ -188,13 +226,53 @@ CASES = [
         edit="end: unmet on_top(steak, breakfast_table) -> append NAVIGATE_TO(fridge_0) OPEN(fridge_0) GRASP(steak_0) "
         "CLOSE(fridge_0) NAVIGATE_TO(breakfast_table_0) PLACE_ON_TOP(breakfast_table_0)",
     ),
-    RuleCase("take_away", "", "not inside(steak, fridge)"),
-    RuleCase("put_beside", "", "next_to(apple, fridge)"),
-    RuleCase("put_beside", "", "next_to(apple, bowl)"),
-    RuleCase("put_beside", "", "under(apple, breakfast_table)"),
-    RuleCase("bring_into_room", "", "in_room(apple, living_room)"),
-    RuleCase("leave_it_so", f"NAVIGATE_TO({FRIDGE}) OPEN({FRIDGE}) CLOSE({FRIDGE})", "open(fridge)"),
-    RuleCase("operate_at_end", "", "toggled(floor_lamp)"),
+    RuleCase(
+        "take_away",
+        "",
+        "not inside(steak, fridge)",
+        edit="end: unmet not inside(steak, fridge) -> append NAVIGATE_TO(fridge_0) OPEN(fridge_0) GRASP(steak_0) "
+        "CLOSE(fridge_0) RELEASE()",
+    ),
+    RuleCase(
+        "put_beside",
+        "",
+        "next_to(apple, fridge)",
+        edit="end: unmet next_to(apple, fridge) -> append NAVIGATE_TO(apple_0) GRASP(apple_0) "
+        "NAVIGATE_TO(fridge_0) RELEASE()",
+    ),
+    RuleCase(
+        "put_beside",
+        "",
+        "next_to(apple, bowl)",
+        edit="end: unmet next_to(apple, bowl) -> append NAVIGATE_TO(apple_0) GRASP(apple_0) "
+        "NAVIGATE_TO(breakfast_table_0) PLACE_ON_TOP(breakfast_table_0)",
+    ),
+    RuleCase(
+        "put_beside",
+        "",
+        "under(apple, breakfast_table)",
+        edit="end: unmet under(apple, breakfast_table) -> append NAVIGATE_TO(apple_0) GRASP(apple_0) "
+        "NAVIGATE_TO(breakfast_table_0) RELEASE()",
+    ),
+    RuleCase(
+        "bring_into_room",
+        "",
+        "in_room(apple, living_room)",
+        edit="end: unmet in_room(apple, living_room) -> append NAVIGATE_TO(apple_0) GRASP(apple_0) "
+        "NAVIGATE_TO(bookcase_0) PLACE_ON_TOP(bookcase_0)",
+    ),
+    RuleCase(
+        "leave_it_so",
+        f"NAVIGATE_TO({FRIDGE}) OPEN({FRIDGE}) CLOSE({FRIDGE})",
+        "open(fridge)",
+        edit="end: unmet open(fridge) -> drop CLOSE(fridge_0) (step 3)",
+    ),
+    RuleCase(
+        "operate_at_end",
+        "",
+        "toggled(floor_lamp)",
+        edit="end: unmet toggled(floor_lamp) -> append NAVIGATE_TO(floor_lamp_0) TOGGLE_ON(floor_lamp_0)",
+    ),
     RuleCase(
         "close_in_time",
         CARRY.replace("NAVIGATE_TO(apple_0)", f"NAVIGATE_TO({FRIDGE}) OPEN({FRIDGE}) NAVIGATE_TO(apple_0)"),
