@@ -72,8 +72,10 @@ def _arguments(parser: argparse.ArgumentParser) -> str:
             rows.append(f"| {names} | {help_text} |")
         if rows:
             title = group.title or ""
-            label = "" if title in ("options", "positional arguments") else title[:1].upper() + title[1:]
-            parts.append(f"| {label} | |\n|---|---|\n" + "\n".join(rows) + "\n\n")
+            if title not in ("options", "positional arguments"):
+                parts.append(f"*{title[:1].upper()}{title[1:]}*\n\n")
+            head = "argument" if title == "positional arguments" else "option"
+            parts.append(f"| {head} | meaning |\n|---|---|\n" + "\n".join(rows) + "\n\n")
     return "".join(parts)
 
 
@@ -118,7 +120,8 @@ nothing.
 
 Only the executor knows geometry, so `NAVIGATE_TO` can also end as `unreachable` (no free way leads there) or
 `not_found` (every room was searched). Which category opens, runs, cooks, washes, or can be lifted comes from the
-[ontology](data.md#ontology). Actions of your own are [further rows of the table](api/world_model.md).
+[ontology](data.md#ontology). Actions of your own
+are [further rows of the table](../howto/worlds.md).
 
 ## Violations
 
@@ -271,7 +274,7 @@ def _directives(module: str) -> str:
     loaded = importlib.import_module(module)
     lines = [] if "." not in module else [f"## {module}\n\n{_first_paragraph(loaded)}"]
     for name in loaded.__all__:
-        value = getattr(loaded, name)
+        value = inspect.unwrap(getattr(loaded, name))  # of what is cached, the function
         if inspect.isclass(value) or inspect.isfunction(value):
             lines.append(f"::: {value.__module__}.{value.__qualname__}\n    options: {{ heading_level: 3 }}")
     return "\n\n".join(lines)
