@@ -1,9 +1,10 @@
 """How much of an instruction an understanding gets right.
 
 A goal is exact if its literals denote what the meant ones denote in that house: the same instances under the same
-predicates, whatever they are called. Where a record says how much its words may cover (`denotes`, docs/explanation/voices.md), a
-literal is right within those bounds. Beside it stand exact match and F1 of the text forms of objects, relations, goals
-and tasks. A refusal is right in nothing, and so is a question, unless the author of the record answers it.
+predicates, whatever they are called. Where a record says how much its words may cover (`denotes`, see
+docs/explanation/voices.md), a literal is right within those bounds. Beside it stand exact match and F1 of the text forms
+of objects, relations, goals and tasks. A refusal counts as not exact, and so does a question, unless the author of the
+record answers it.
 """
 
 from __future__ import annotations

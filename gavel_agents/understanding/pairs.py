@@ -21,7 +21,7 @@ class Extent(msgspec.Struct, frozen=True):
 
 
 class Denotes(msgspec.Struct, frozen=True):
-    """What a goal literal may denote in its house, where people's words leave that open (docs/explanation/voices.md)."""
+    """What a goal literal may denote in its house if people's words leave it open (docs/explanation/voices.md)."""
 
     predicates: tuple[str, ...]
     subject: Extent
