@@ -3,8 +3,8 @@
 A goal is exact if its literals denote what the meant ones denote in that house: the same instances under the same
 predicates, whatever they are called. Where a record says how much its words may cover (`denotes`, see
 docs/explanation/voices.md), a literal is right within those bounds. Beside it stand exact match and F1 of the text
-forms of objects, relations, goals and tasks. A refusal counts as not exact, and so does a question, unless the author of the
-record answers it.
+forms of objects, relations, goals and tasks. A refusal counts as not exact, and so does a question, unless the author
+of the record answers it.
 """
 
 from __future__ import annotations
