@@ -125,7 +125,7 @@ _SHIPPED = {"replay": "recordings/{}.jsonl.gz", "reference": "instructions/{}.js
 def _named_file(spec: str) -> Path | None:
     """Return the file that a spec names by path or as a shipped one, or None."""
     kind, _, name = spec.partition(":")
-    if not name or Path(name).exists():
+    if not name or Path(name).is_file():
         return Path(name) if name else None
     shipped = resources.files("envs_data") / _SHIPPED.get(kind, "{}").format(name)
     return Path(str(shipped)) if shipped.is_file() else None

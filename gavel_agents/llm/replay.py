@@ -20,7 +20,7 @@ import msgspec
 
 from gavel_agents.llm.interface import ChatModel, Completion, Message, Prompt, decoding_of
 from gavel_env.appended import AppendedFile, cut_member, free_name, read_members
-from gavel_env.data import decode, read_json, sayable
+from gavel_env.data import decode, is_path, read_json, sayable
 from gavel_env.errors import DataError, NotRecorded
 
 __all__ = ["NotRecorded", "Recorded", "RecordingModel", "ReplayModel", "completion_key", "read_recording"]
@@ -154,7 +154,7 @@ class ReplayModel:
         Raises:
             DataError: unreadable, malformed, empty, or of several models.
         """
-        self._path = path if Path(path).exists() else str(shipped_recording(path))
+        self._path = path if is_path(path) or Path(path).is_file() else str(shipped_recording(path))
         self._completions = {r.key: r for r in read_recording(self._path)}
         models = {(r.model, tuple(sorted(r.decoding.items()))) for r in self._completions.values()}
         if len(models) != 1:

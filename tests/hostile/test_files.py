@@ -199,3 +199,10 @@ def test_a_record_file_is_read_past_what_is_no_record(tmp_path: Path) -> None:
         writer.write(RunHeader("", {}, "code", {}, (), (), (), {}))
     path.write_bytes(b"\xff\xfe\n" + read_bytes(path, "records") + b"[" * 100_000 + b"\n")
     assert len(read_records([path]).damaged) == 2
+
+
+def test_a_folder_called_as_what_ships_is_no_file_of_that_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("single", "multi"):
+        (tmp_path / name).mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert main(["eval", "--limit", "1", "--out", str(tmp_path / "run"), "--quiet"]) == 0
