@@ -1,7 +1,7 @@
 # Every target sets up what it needs. `make eval` and `make test` work on a machine with Python 3.11, pip and make.
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 WORKERS ?= 2
-FLOOR ?= 90
+FLOOR ?= 95
 VENV := .venv
 BIN := $(VENV)/bin
 
@@ -69,10 +69,12 @@ lint: $(VENV)/.installed-dev
 	@$(BIN)/codespell
 	@$(BIN)/mypy
 
-# Branch coverage of the parts that the rest stands on.
+# Lines and branches of the parts that the rest stands on: the floor holds for each of them, after the tests have run.
+CORE := gavel_env/world_model gavel_agents/edits gavel_agents/beliefs gavel_agents/ordering
 coverage: $(VENV)/.installed-dev
-	@$(BIN)/python -m pytest -q -n $(WORKERS) --cov --cov-fail-under=$(FLOOR) \
+	@$(BIN)/python -m pytest -q -n $(WORKERS) --cov --cov-report= \
 		tests/world_model tests/edits tests/beliefs tests/ordering tests/agents tests/proposing
+	@for part in $(CORE); do $(BIN)/coverage report --include="$$part/*" --fail-under=$(FLOOR) || exit 1; done
 
 # Mutation tests of the same parts: takes hours, remembers what it has done. ARGS name mutants: ARGS='gavel_agents.beliefs*'.
 mutants: $(VENV)/.installed-mutants

@@ -73,6 +73,17 @@ def test_beyond_enumeration_the_optimum_comes_first_and_neighbours_follow() -> N
     assert len(found) == len(set(found)) == 82
 
 
+@pytest.mark.parametrize("size", [1, 20, 30])
+def test_beyond_enumeration_the_short_list_has_the_best_that_are_known_of_every_first_task(size: int) -> None:
+    costs = random_costs(10, 3)
+    known = list(orderings(costs))
+    found = best_by_first_task(costs, size)
+    for first in {order[0] for order in known}:
+        mine = [order for order in known if order[0] == first]
+        assert [order for order in found if order[0] == first] == mine[: math.ceil(size / 10)]
+    assert [order[0] for order in found] == sorted(order[0] for order in found)
+
+
 @pytest.fixture(scope="module")
 def travel() -> TravelModel:
     return TravelModel(known_layout(load_scene("Rs_int")))

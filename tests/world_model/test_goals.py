@@ -9,9 +9,20 @@ import pytest
 from hypothesis import assume, given, settings
 from support.worlds import kitchen
 
-from gavel_env.errors import MalformedGoal
+from gavel_env.errors import MalformedGoal, UnknownObject
 from gavel_env.world_model.actions import normalise_name
-from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate, fitting, parse_goal, parse_literal, unmet
+from gavel_env.world_model.goals import (
+    Designator,
+    Goal,
+    Literal,
+    Predicate,
+    as_goal,
+    check_goal,
+    fitting,
+    parse_goal,
+    parse_literal,
+    unmet,
+)
 from gavel_env.world_model.graph import Flag, Node, Relation, SceneGraph
 from gavel_env.world_model.ontology import default_ontology
 
@@ -296,3 +307,47 @@ def test_further_conditions_are_part_of_the_goal() -> None:
     goal = parse_goal(["on_top(apple, countertop)"]) | Goal(conditions=(condition,))
     assert unmet(goal, kitchen()) == (condition,)
     assert unmet(goal, kitchen({"apple_0": "held", "apple_1": "on countertop_0"})) == ()
+
+
+# --- goals that are given -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("literals", "unknown"),
+    [
+        (["on_top(apple, stove)", "in_room(bowl, kitchen)"], None),
+        (["in_room(apple, living_room_0)"], None),
+        (["inside(apple@bathroom, fridge)"], None),  # no apple is there, but apples there are
+        (["on_top(apple, stove)", "cooked(napkin)"], "unknown object 'napkin'"),
+        (["inside(apple@bathroom, fridgee)"], "unknown object 'fridgee'.*did you mean 'fridge'"),
+        (["inside(napkin@kitchen, fridge)"], "unknown object 'napkin@kitchen'"),
+        (["in_room(apple, bathroom)"], "unknown object 'bathroom'"),
+        (["in_room(napkin, kitchen)"], "unknown object 'napkin'"),
+        (["in_room(apple, kitchen)", "next_to(apple, napkin)"], "unknown object 'napkin'.*next_to"),
+    ],
+)
+def test_a_goal_speaks_of_what_the_graph_has(literals: list[str], unknown: str | None) -> None:
+    goal = parse_goal(literals)
+    if unknown is None:
+        check_goal(goal, kitchen())
+        return
+    with pytest.raises(UnknownObject, match=unknown):
+        check_goal(goal, kitchen())
+
+
+def test_a_goal_may_be_given_in_every_form() -> None:
+    wanted = parse_goal(["on_top(apple, stove)", "not open(fridge)"])
+    one, other = wanted.literals
+    assert as_goal(wanted) is wanted
+    assert (
+        as_goal("on_top(apple, stove), not open(fridge)")
+        == as_goal([str(one), other])
+        == as_goal((one, other))
+        == wanted
+    )
+    assert as_goal(one) == Goal((one,))
+    for nothing in ("", [], " "):
+        with pytest.raises(MalformedGoal, match="asks for nothing"):
+            as_goal(nothing)
+    with pytest.raises(MalformedGoal, match="goal 7 is not text"):
+        as_goal(7)  # type: ignore[arg-type]

@@ -1,0 +1,109 @@
+"""Actions of one's own in PDDL: facts ask what the world model asks and change what it changes."""
+
+from __future__ import annotations
+
+import pytest
+from support.worlds import kitchen
+
+from gavel_env.errors import NotExpressible
+from gavel_env.world_model.actions import Action
+from gavel_env.world_model.dynamics import apply, first_violation
+from gavel_env.world_model.graph import Flag, SceneGraph
+from gavel_env.world_model.own_actions import CHECKS, OwnAction, own_state, registered
+from gavel_env.world_model.own_actions_pddl import grounded_own_actions, with_own_actions
+from gavel_env.world_model.pddl import export_pddl
+
+own_state("tried")
+own_state("half_done")
+
+STATES = [
+    kitchen(near=()),
+    kitchen({"apple_0": "held"}, flags={"open": ["oven_0", "backpack_0"]}).with_flag(
+        Flag["TRIED"], frozenset(("oven_0", "apple_0")), value=True
+    ),
+    kitchen({"backpack_0": "in fridge_0"}, near=("fridge_0", "stove_0"), flags={"toggled": ["stove_0"]}),
+]
+OBJECTS = ("apple_0", "textbook_0", "backpack_0", "fridge_0", "oven_0", "stove_0", "breakfast_table_0", "bowl_0")
+NEEDS = [f"{name}(x, y)" if name in ("on_top", "inside") else f"{name}(x)" for name in CHECKS]
+NEEDS += ["open(x)", "not open(x)", "toggled(x)", "tried(x)"]
+
+
+def facts(graph: SceneGraph) -> frozenset[str]:
+    return frozenset(export_pddl(graph).problem.split("(:init\n")[1].split(")\n(:goal")[0].split("\n"))
+
+
+@pytest.mark.parametrize("need", NEEDS)
+def test_a_step_can_be_asked_in_facts_just_where_the_world_model_allows_it(need: str) -> None:
+    parameters = ("x", "y") if "y" in need.partition("(")[2] else ("x",)
+    with registered(OwnAction("TRY", parameters, needs=(need,), effects=("tried(x)",))) as (primitive,):
+        allowed = 0
+        for graph in STATES:
+            true = facts(graph)
+            found = {step.action: step for step in grounded_own_actions(graph, OBJECTS)}
+            for x in OBJECTS:
+                for others in [(y,) for y in OBJECTS] if len(parameters) == 2 else [()]:
+                    action = Action(primitive, x, others)
+                    step = found.get(action)
+                    asked = step is not None and set(step.needs) <= true
+                    reached = step is not None and all(
+                        graph.closed_container(thing) is None for thing in step.accessible
+                    )
+                    assert (asked and reached) == (first_violation(graph, action) is None), (need, action)
+                    allowed += asked and reached
+        assert 0 < allowed < len(STATES) * len(OBJECTS) ** len(parameters)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        ("tried(x)",),
+        ("not tried(x)",),
+        ("open(x)",),
+        ("not open(x)",),
+        ("toggled(x)", "not tried(x)", "half_done(x)"),
+    ],
+)
+def test_a_step_changes_the_facts_that_the_world_model_changes(effects: tuple[str, ...]) -> None:
+    with registered(OwnAction("TRY", effects=effects)):
+        for graph in STATES:
+            before = facts(graph)
+            for step in grounded_own_actions(graph, OBJECTS):
+                assert (before - set(step.deletes)) | set(step.adds) == facts(apply(graph, step.action)), step
+
+
+@pytest.mark.parametrize("need", ["not tried(x)", "not toggled(x)"])
+def test_strips_knows_no_negation_but_that_of_doors(need: str) -> None:
+    with registered(OwnAction("TRY", needs=(need,), effects=("tried(x)",))), pytest.raises(NotExpressible, match="TRY"):
+        list(grounded_own_actions(STATES[0], OBJECTS))
+
+
+def test_functions_are_not_expressible_as_effects_either() -> None:
+    with registered(OwnAction("TRY", effect=lambda graph, x: graph)), pytest.raises(NotExpressible, match="its effect"):
+        list(grounded_own_actions(STATES[0], OBJECTS))
+
+
+def test_an_action_without_parameters_is_one_step() -> None:
+    with registered(OwnAction("WAIT", (), needs=(), effects=())):
+        [step] = grounded_own_actions(STATES[0], OBJECTS)
+        assert str(step.action) == "WAIT()"
+
+
+DOMAIN = "(define (domain d)\n(:predicates (dirty ?x - thing))\n)\n"
+
+
+def test_the_lifted_domain_declares_states_and_says_needs_and_effects() -> None:
+    needs = ("near(x)", "not open(x)", "open(y)", "inside(x, y)", "opened(y)", "hand_free(x)", "not half_done(x)")
+    effects = ("half_done(y)", "not tried(x)", "open(x)", "not open(y)")
+    with registered(OwnAction("TRY_IT", ("x", "y"), needs=needs, effects=effects)):
+        text = with_own_actions(DOMAIN)
+    states, _, action = text.partition("\n(:action ")
+    assert states.startswith("(define (domain d)\n(:predicates (dirty ?x - thing) (")
+    assert "(tried ?x - thing)" in states
+    assert "(half-done ?x - thing)" in states
+    assert action == (
+        "try-it\n  :parameters (?x - thing ?y - thing)\n"
+        "  :precondition (and (near ?x) (not (opened ?x)) (opened ?y) (inside ?x ?y) (not (shut ?y)) (hand-empty) "
+        "(not (half-done ?x)))\n"
+        "  :effect (and (half-done ?y) (not (tried ?x)) (opened ?x) (not (shut ?x)) (not (opened ?y)) "
+        "(when (door ?y) (shut ?y))))\n)\n"
+    )
