@@ -61,6 +61,9 @@ def literals(graph: SceneGraph, condition: str, plan: str = "") -> list[str]:
             "(forn (1) (?x apple_0 steak_0) (inside ?x fridge_0))",
             ["not inside(apple_0, fridge_0)", "inside(steak_0, fridge_0)"],
         ),
+        ("(or (and (open fridge_0)) (open oven_0))", ["open(fridge_0)"]),  # of equal choices the first
+        ("(forn (1) (?x oven_0 fridge_0) (open ?x))", ["open(oven_0)", "not open(fridge_0)"]),
+        ("(forpairs (?x oven_0 fridge_0) (?y bowl_0) (on_top ?y ?x))", ["on_top(bowl_0, oven_0)"]),
         ("(forn (2) (?x apple_0 steak_0) (open ?x))", ["open(apple_0)", "open(steak_0)"]),
         ("(forn (3) (?x apple_0 steak_0) (inside ?x fridge_0))", []),
         ("(forn (1) (?x apple_0 steak_0) (on_floor ?x kitchen_0))", []),

@@ -84,3 +84,12 @@ def test_what_the_plan_does_with_a_name_and_what_the_goal_speaks_of_tell_nodes_a
 def test_rooms_count_and_nonsense_names_nothing(written: str, node: str | None) -> None:
     graph = believed("any_cabinet@kitchen", "bed@bedroom")
     assert meant_by(written, graph) == ([] if node is None else [node])
+
+
+def test_a_room_of_the_house_counts_though_no_word_of_people_is_known_for_it() -> None:
+    rooms = ROOMS | {"zorgroom_0": Room("zorgroom_0", "zorgroom")}
+    task = TaskUnderstanding("", (Designator("mug", "zorgroom"), Designator("mug", "kitchen")), (), parse_goal(()))
+    graph = believed_graph(rooms, frozenset(), [task], default_ontology(), None)
+    assert meant_by("mug_in_the_zorgroom", graph) == ["mug@zorgroom"]
+    assert meant_by("mug_in_the_kitchen", graph) == ["mug@kitchen"]
+    assert meant_by("mug", graph) == ["mug@zorgroom", "mug@kitchen"]
