@@ -206,6 +206,26 @@ def test_what_is_held_is_where_the_robot_is() -> None:
     assert start(graph).priors()["apple"] == {"kitchen_0": 1.0}
 
 
+def test_what_is_held_is_there_also_in_a_room_that_was_searched() -> None:
+    graph = believed(["apple"]).place("apple", Support(Relation.HELD, "robot"))
+    belief = start(graph).update(graph, sight(searched=NAMES[:2]), {})
+    assert belief.priors()["apple"] == {"kitchen_0": 1.0}
+    assert not belief.refuted
+
+
+def test_an_instance_of_no_known_room_is_passed_over() -> None:
+    graph = believed(["apple"])
+    seen = sight({"apple_0": "bowl_9", "apple_1": "bedroom_0"})
+    assert seen.graph.room_of("apple_0") is None
+    assert start(graph).update(graph, seen, {}).priors()["apple"] == {"bedroom_0": 1.0}
+
+
+def test_likely_rooms_are_the_possible_ones_by_decreasing_belief() -> None:
+    weights = np.array([0.1, 0.4, 0.0, 0.4, 0.1])
+    belief = Belief.over(believed(["apple"]), HOUSE, lambda _, rooms: weights)
+    assert belief.likely() == {"apple": ["bathroom_0", "bedroom_0", "kitchen_0", "living_room_0"]}
+
+
 def test_collapsed_commits_to_the_most_likely_room() -> None:
     graph = believed(["apple", "bowl@bathroom"])
     belief = start(graph).collapsed()
@@ -228,6 +248,15 @@ def test_initial_reads_the_layout() -> None:
     rooms = tuple(r for r in layout.room_ids if layout.room_points[r] is not None)
     belief = Belief.initial(believed(["toilet", "oven"]), layout, rooms, load_prior("choice"))
     assert belief.rooms == rooms
+    asked: list[RoomInfo] = []
+
+    def prior(category: str, known: Sequence[RoomInfo]) -> np.ndarray:
+        asked.extend(known)
+        return flat(category, known)
+
+    Belief.initial(believed(["toilet"]), layout, rooms, prior)
+    areas = {room.id: (room.type, room.area_m2) for room in layout.scene.rooms}
+    assert {info.id: (info.type, info.area_m2) for info in asked} == {room: areas[room] for room in rooms}
     assert belief.most_likely("toilet") == "bathroom_0"
     assert belief.most_likely("oven") == "kitchen_0"
 

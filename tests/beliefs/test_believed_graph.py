@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 from support.worlds import kitchen
 
 from gavel_agents.beliefs.believed_graph import believed_graph, is_fixed, observe_flags, uncertain
 from gavel_agents.beliefs.mixture import category_weights
 from gavel_agents.beliefs.narrowing import narrow
+from gavel_agents.rsn.data import load_contents, training_scenes
 from gavel_agents.understanding import TaskUnderstanding
 from gavel_env.errors import UnknownCategory
 from gavel_env.world_model.condition_text import parse_formula
@@ -148,6 +152,39 @@ def test_the_one_office_of_a_house_is_named_in_every_kind_of_condition(condition
 def test_weights_without_a_room_are_all_alike_and_of_one_category_certain() -> None:
     assert category_weights(["bed", "hospital_bed"], []).tolist() == [0.5, 0.5]
     assert category_weights(["bed"], ["bedroom"]).tolist() == [1.0]
+
+
+def test_weights_are_those_of_the_equation() -> None:
+    contents = load_contents()
+    rooms = [room for scene in training_scenes(contents) for room in contents.scenes[scene]]
+
+    def share(category: str, kind: str) -> float:
+        here = [room for room in rooms if room.type == kind]
+        general = (sum(category in room.contents for room in rooms) + 0.5) / (len(rooms) + 1)
+        return (sum(category in room.contents for room in here) + general) / (len(here) + 1)
+
+    kinds, there = ("bed", "hospital_bed"), ("bedroom", "bedroom", "infirmary")
+    expected = [(1 - math.prod(1 - share(c, kind) for kind in there)) / (1 + rank) for rank, c in enumerate(kinds)]
+    assert category_weights(kinds, there) == pytest.approx(np.array(expected) / sum(expected))
+
+
+def test_only_rooms_that_fit_what_is_stated_weigh_categories() -> None:
+    rooms = {"bedroom_0": Room("bedroom_0", "bedroom"), "infirmary_0": Room("infirmary_0", "infirmary")}
+    ontology = default_ontology()
+    for stated, there in (
+        ("infirmary", ["infirmary"]),
+        (None, ["bedroom", "infirmary"]),
+        ("garage", ["bedroom", "infirmary"]),
+    ):
+        task = TaskUnderstanding("", (Designator("any_bed", stated),), (), parse_goal(()))
+        [node] = believed_graph(rooms, frozenset(), [task], ontology, None).world.nodes.values()
+        names = [category.name for category in ontology.kinds("any_bed")]
+        weights = dict(zip(names, category_weights(names, there), strict=True))
+        assert {c.name: w for c, w in zip(node.categories, node.weights, strict=True)} == pytest.approx(weights)
+    narrowed = {"any_bed": tuple(ontology.kinds("any_bed")[:1])}
+    task = TaskUnderstanding("", (Designator("any_bed"),), (), parse_goal(()))
+    [node] = believed_graph(rooms, frozenset(), [task], ontology, None, narrowed).world.nodes.values()
+    assert node.categories == narrowed["any_bed"]
 
 
 def test_presupposed_states_hold_in_the_graph_beside_what_is_said() -> None:

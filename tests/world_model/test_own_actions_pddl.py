@@ -8,6 +8,7 @@ from support.worlds import kitchen
 from gavel_env.errors import NotExpressible
 from gavel_env.world_model.actions import Action
 from gavel_env.world_model.dynamics import apply, first_violation
+from gavel_env.world_model.goals import parse_literal
 from gavel_env.world_model.graph import Flag, SceneGraph
 from gavel_env.world_model.own_actions import CHECKS, OwnAction, own_state, registered
 from gavel_env.world_model.own_actions_pddl import grounded_own_actions, with_own_actions
@@ -69,6 +70,14 @@ def test_a_step_changes_the_facts_that_the_world_model_changes(effects: tuple[st
             before = facts(graph)
             for step in grounded_own_actions(graph, OBJECTS):
                 assert (before - set(step.deletes)) | set(step.adds) == facts(apply(graph, step.action)), step
+
+
+def test_a_state_that_is_new_is_a_flag_and_a_predicate_of_its_name() -> None:
+    made = own_state("made_just_now")
+    assert made is Flag["MADE_JUST_NOW"]
+    assert made.name == "MADE_JUST_NOW"
+    literal = parse_literal("not made_just_now(apple)")
+    assert (literal.predicate.flag, str(literal)) == (made, "not made_just_now(apple)")
 
 
 @pytest.mark.parametrize("need", ["not tried(x)", "not toggled(x)"])
