@@ -2,7 +2,8 @@
 
 Rooms go by the agent's weights, ties and zeros by path distance. Within a room the robot drives to the nearest frontier
 cluster and looks around, until enough of the floor is seen and no spot is left where an object could hide. A frontier
-that stays dark although the robot went to see it is given up, so every search ends.
+longer than one look around shows counts as several: the middle of a long one may lie across the hall. A frontier that
+stays dark although the robot went to see it is given up, so every search ends.
 """
 
 from __future__ import annotations
@@ -102,8 +103,8 @@ class RoomSearch:
 
         frontier = self.sensor.frontier(self.room, self._given_up)
         if frontier.size:
-            least = self.sensor.floor.robot.frontier_min_cells
-            return frontier, sight_kernels.cluster_centres(frontier, *self.sensor.floor.shape, least)
+            least, look_around = self.sensor.floor.robot.frontier_min_cells, 2 * int(self._reach[1])
+            return frontier, sight_kernels.cluster_centres(frontier, *self.sensor.floor.shape, least, look_around)
         hiding = self.sensor.hiding_cells(self.room)
         hiding = hiding[~self._given_up.ravel()[hiding]]
         return hiding, hiding[:1]

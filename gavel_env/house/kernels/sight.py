@@ -318,7 +318,7 @@ def frontier_cells(
 
 
 @compiled
-def cluster_centres(cells: Ints, height: int, width: int, least: int) -> Ints:
+def cluster_centres(cells: Ints, height: int, width: int, least: int, span: int) -> Ints:
     """Cluster touching cells (8 neighbours) and return the member nearest to each cluster's centroid.
 
     Args:
@@ -326,6 +326,7 @@ def cluster_centres(cells: Ints, height: int, width: int, least: int) -> Ints:
         height: of the grid.
         width: of the grid.
         least: clusters of fewer cells are dropped if any is larger.
+        span: a cluster is cut where it is more than this many rows or columns away from its first cell.
 
     Returns:
         (clusters,) flat indices.
@@ -344,13 +345,14 @@ def cluster_centres(cells: Ints, height: int, width: int, least: int) -> Ints:
         queue[0] = start
         head, tail = 0, 1
         sum_row, sum_column = 0, 0
+        row0, column0 = start // width, start % width
         while head < tail:
             row, column = queue[head] // width, queue[head] % width
             head += 1
             sum_row += row
             sum_column += column
-            for row1 in range(max(0, row - 1), min(height, row + 2)):
-                for column1 in range(max(0, column - 1), min(width, column + 2)):
+            for row1 in range(max(0, row - 1, row0 - span), min(height, row + 2, row0 + span + 1)):
+                for column1 in range(max(0, column - 1, column0 - span), min(width, column + 2, column0 + span + 1)):
                     if waiting[row1, column1]:
                         waiting[row1, column1] = False
                         queue[tail] = row1 * width + column1
