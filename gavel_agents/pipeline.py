@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from gavel_agents.agent import AgentTrace, stage
 from gavel_agents.beliefs.belief import Belief, Prior
 from gavel_agents.beliefs.believed_graph import believed_graph, observe_flags
-from gavel_agents.beliefs.narrowing import narrow
+from gavel_agents.beliefs.narrowing import Narrowed, narrow
+from gavel_agents.beliefs.unsaid import with_appliances
 from gavel_agents.binding import Binder
 from gavel_agents.edits.repair import repair
 from gavel_agents.findings import Findings
@@ -116,17 +117,21 @@ class PlanningAgent:
         if not understood.tasks:
             self.trace.stopped = f"not understood: {understood.refused}"
             return
-        world = observed.graph.world
-        self._tasks, kinds = narrow(understood.tasks, world.rooms, self._ontology)
-        self._graph = believed_graph(
-            world.rooms, world.connections, self._tasks, self._ontology, observed.graph.robot_room, kinds
-        )
+        narrowed = narrow(understood.tasks, observed.graph.world.rooms, self._ontology)
+        said = self._believed(narrowed, observed)
+        completed = with_appliances(narrowed, said, self._ontology)
+        self._tasks = completed.tasks
+        self._graph = said if completed is narrowed else self._believed(completed, observed)
         self._findings = Findings(self._binder, self._graph)
         self._belief = Belief.initial(self._graph, observed.layout, self._travel.rooms, self._prior)
         self._belief = self._belief.update(self._graph, observed, self._binder.bound)
         self._planned = self._plan(observed)
         self._remaining = list(range(len(self._tasks)))
         self._order = list(self._remaining) if self.config.order == "written" else self._reorder(observed)
+
+    def _believed(self, narrowed: Narrowed, observed: Observed) -> SceneGraph:
+        world, (tasks, kinds) = observed.graph.world, narrowed
+        return believed_graph(world.rooms, world.connections, tasks, self._ontology, observed.graph.robot_room, kinds)
 
     def _plan(self, observed: Observed) -> Planned:
         travel = self._travel
