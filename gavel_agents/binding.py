@@ -116,7 +116,9 @@ class Binder:
     ) -> EnvAction:
         """Return the search for a node; one named by its id is searched by category, without those seen already."""
         if not _names_an_instance(node, believed):
-            picky = is_concept(node) or _stated(node, believed)
+            own = Designator.parse(node)
+            said_room = believed.world.nodes[node].stated_room != own.room
+            picky = is_concept(own.name) or said_room or _stated(node, believed)
             unfit = self._unfit(node, believed, observed) if picky else ()
             return EnvAction(Primitive.NAVIGATE_TO, node, prior, tuple(sorted(self.rejected.union(unfit))))
         category = believed.category(node).name

@@ -73,6 +73,7 @@ class Findings:
         if surprise.elsewhere:
             self._shut_early.add(holder)
             going = Action(Primitive.NAVIGATE_TO, action.target)
+            graph = graph.place(action.target or "", None)
             return graph, [*leaving, going] if action == going else [*leaving, going, action]
         self._binder.reject(holder)
         if holder in self._expected:

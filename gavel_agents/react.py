@@ -73,7 +73,10 @@ class ReActAgent:
         if isinstance(planner, str):
             planner = load_model(planner)
         if planner is None or isinstance(planner, ClassicalPlanner):  # which reads no text
-            raise BadOption("agent 'react' asks a language model: make('react', planner='openai:MODEL@URL')")
+            raise BadOption(
+                "agent 'react' asks a language model, and the default planner, 'classical', reads no text:"
+                " make('react', planner='openai:MODEL@URL')"
+            )
         self._model = planner
         if profile not in (*Profile, *(known.value for known in Profile)):
             raise BadOption(f"profile is {profile!r}; known: {', '.join(repr(known.value) for known in Profile)}")

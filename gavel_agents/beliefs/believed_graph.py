@@ -66,17 +66,17 @@ def believed_graph(
 def presupposed(tasks: Sequence[TaskUnderstanding]) -> tuple[Literal, ...]:
     """Return what goes without saying: a door that shall be shut is open, what shall be off is on.
 
-    Only of tasks that are about doors and switches alone, and of what nothing is said to be or to go in or on: "put the
-    milk in the fridge and shut it" says how the fridge shall be left, not that it stands open.
+    Only of tasks that are about doors and switches alone, and of what nothing is said to be or, up to there, to go in
+    or on: "put the milk in the fridge and shut it" says how the fridge shall be left, not that it stands open.
     """
-    holders = {lit.object for task in tasks for lit in (*task.relations, *task.goal.literals)}
-    return tuple(
-        literal._replace(negated=False)
-        for task in tasks
-        if not task.goal.conditions and all(lit.predicate in _OPERATED for lit in task.goal.literals)
-        for literal in task.goal.literals
-        if literal.negated and literal.subject not in holders
-    )
+    holders = {literal.object for task in tasks for literal in task.relations}
+    found: list[Literal] = []
+    for task in tasks:
+        holders |= {literal.object for literal in task.goal.literals}
+        if not task.goal.conditions and all(lit.predicate in _OPERATED for lit in task.goal.literals):
+            operated = (lit for lit in task.goal.literals if lit.negated and lit.subject not in holders)
+            found += [literal._replace(negated=False) for literal in operated]
+    return tuple(found)
 
 
 def uncertain(graph: SceneGraph) -> tuple[str, ...]:

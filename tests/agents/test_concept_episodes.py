@@ -279,3 +279,56 @@ def test_a_record_over_concepts_is_certified() -> None:
     assert not list(certify(certified))
     assert [str(d) for d in spoken(certified, 0).goal.subjects] == ["apple"]
     assert spoken(certified, 0).names["bottom_cabinet_no_top_0"] == "any_cabinet@kitchen"
+
+
+# --- what was said is wrong, or left out -----------------------------------------------------------------------------
+
+
+def test_what_was_seen_elsewhere_is_in_the_hand_once_it_was_taken() -> None:
+    bin_there = "any_trash_can@shared_office"
+    said = Said(
+        (f"inside(hard_drive, {bin_there})",),
+        ("hard_drive", bin_there, "bottom_cabinet@shared_office"),
+        ("inside(hard_drive, bottom_cabinet@shared_office)",),
+    )
+    plan = (
+        "NAVIGATE_TO bottom_cabinet@shared_office\nOPEN bottom_cabinet@shared_office\nGRASP hard_drive\n"
+        f"CLOSE bottom_cabinet@shared_office\nNAVIGATE_TO {bin_there}\nPLACE_INSIDE {bin_there}"
+    )
+    on_the_floor = record(
+        "office_vendor_machine", [("hard_drive", "floor", "shared_office_0")], ("inside(hard_drive, any_trash_can)",)
+    )
+    ended = run("gavel-full", on_the_floor, said, plan)
+    assert ended.success, ended.done
+    assert sum(step.startswith("GRASP") for step in ended.done) == 1
+
+
+def test_a_thing_seen_in_another_room_than_was_said_is_not_gone_to_for_ever() -> None:
+    goal = ("on_top(mug, sofa)",)
+    said = Said(goal, ("mug", "sofa"), ("in_room(mug, bathroom)",))
+    plan = "NAVIGATE_TO mug\nGRASP mug\nNAVIGATE_TO sofa\nPLACE_ON_TOP sofa"
+    ended = run("gavel-full", record("Wainscott_1_int", [("mug", "on", "breakfast_table")], goal), said, plan)
+    assert len(ended.done) < 5, ended.done
+    assert ended.done[-1].endswith("not_found")
+
+
+@pytest.mark.parametrize("method", [*METHODS, "llm+p"])
+def test_a_shirt_is_washed_although_no_machine_is_named(method: str) -> None:
+    goal = ("washed(t_shirt)",)
+    plan = (
+        "NAVIGATE_TO t_shirt\nGRASP t_shirt\nNAVIGATE_TO washer\nOPEN washer\nPLACE_INSIDE washer\nCLOSE washer\n"
+        "TOGGLE_ON washer\nTOGGLE_OFF washer"
+    )
+    ended = run(method, record("Merom_0_int", [("t_shirt", "floor", "closet_0")], goal), Said(goal, ("t_shirt",)), plan)
+    assert ended.success, ended.done
+    if ended.prompts:
+        assert "- washer: " in ended.prompts[0].messages[-1].content
+
+
+@pytest.mark.parametrize("scene", ["Rs_int", "Merom_1_int", "Pomaria_1_int"])
+def test_food_is_cooked_in_or_on_whatever_the_house_has(scene: str) -> None:
+    goal = ("cooked(potato)",)
+    steps = ("NAVIGATE_TO", "OPEN", "PLACE_INSIDE", "CLOSE", "TOGGLE_ON", "TOGGLE_OFF")  # as in an oven
+    plan = "\n".join(("NAVIGATE_TO potato", "GRASP potato", *(f"{step} any_cooking_appliance" for step in steps)))
+    ended = run("gavel-full", record(scene, [("potato", "on", "breakfast_table")], goal), Said(goal, ("potato",)), plan)
+    assert ended.success, ended.done

@@ -25,6 +25,7 @@ def task(*goal: str, said: tuple[str, ...] = ()) -> TaskUnderstanding:
         ([task("open(fridge)")], []),
         ([task("inside(milk, fridge)", "not open(fridge)")], []),  # how it shall be left
         ([task("inside(milk, fridge)"), task("not open(fridge)")], []),
+        ([task("not open(fridge)"), task("inside(milk, fridge)")], ["open(fridge)"]),
         ([task("on_top(apple, desk)", said=("inside(apple, fridge)",)), task("not open(fridge)")], []),
         ([task("not dirty(bowl)")], []),
     ],
