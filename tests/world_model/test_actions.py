@@ -62,6 +62,9 @@ def test_case_spacing_and_trailing_marks_do_not_matter(action: Action, frame: st
         ("RELEASE()", "RELEASE()"),
         ("open the fridge", "OPEN(fridge)"),
         ("shut(fridge)", "CLOSE(fridge)"),
+        ("GRASP(apple) ;", "GRASP(apple)"),
+        ("GRASP(apple ) .", "GRASP(apple)"),
+        ("GRASP(-apple_0_)", "GRASP(apple_0)"),
     ],
 )
 def test_what_people_and_models_write(text: str, canonical: str) -> None:

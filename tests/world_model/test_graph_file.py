@@ -159,6 +159,12 @@ def test_every_fault_is_said_with_its_place(path, value, message):
         SceneGraph.from_json(changed(path, value))
 
 
+@pytest.mark.parametrize("metres", [0, 0.5, 1e6])
+def test_any_length_that_is_not_negative_is_a_distance(metres):
+    graph = SceneGraph.from_json(changed(("connections", 0, "distance_m"), metres))
+    assert graph.world.layout.distances_m["hall", "lab"] == metres
+
+
 def test_an_unknown_category_shows_the_three_lines_that_add_it():
     with pytest.raises(UndeclaredCategory) as caught:
         SceneGraph.from_json(changed(("nodes", 4, "category"), "pipette_rack"))
