@@ -74,6 +74,14 @@ def test_a_few_orders_are_all_driven_in_all_worlds(given: Given) -> None:
     assert isinstance(found[0], Candidate)
 
 
+def test_what_is_held_is_carried_from_the_start(given: Given) -> None:
+    plans = [[parse_action(step) for step in plan.split()] for plan in (
+        "NAVIGATE_TO(b) PLACE_ON_TOP(b)", "NAVIGATE_TO(a) GRASP(a)")]  # fmt: skip
+    [free] = ranked_orders(given.simulator, given.known, plans, [(0, 1)])
+    [held] = ranked_orders(given.simulator, given.known._replace(holding="a"), plans, [(0, 1)])
+    assert held.metres < free.metres - 1.0  # it is where it was put, not to be looked for
+
+
 def test_fewer_worlds_than_the_first_are_all_worlds(given: Given) -> None:
     orders = list(itertools.permutations(range(4)))
     small = given._replace(simulator=Simulator(given.simulator.layout, worlds=3))
