@@ -144,6 +144,11 @@ CONDITIONS = [
     "(in_room textbook_0 living_room)",
     "(on_floor fridge_0 kitchen_0)",
     "(not (exists (?x apple_0 bowl_0) (inside ?x fridge_0)))",
+    "(and (inside steak_0 fridge_0) (open oven_0))",
+    "(or (open oven_0) (and (not (open fridge_0)) (inside steak_0 fridge_0)))",
+    "(or (open oven_0) (and (open fridge_0) (inside steak_0 fridge_0)))",
+    "(imply (and (inside steak_0 fridge_0) (open oven_0)) (open fridge_0))",
+    "(forall (?x steak_0 apple_0) (or (inside ?x fridge_0) (and (on_top ?x countertop_0) (not (cooked ?x)))))",
 ]
 
 
