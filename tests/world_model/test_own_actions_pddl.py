@@ -9,7 +9,8 @@ from gavel_env.errors import NotExpressible
 from gavel_env.world_model.actions import Action
 from gavel_env.world_model.dynamics import apply, first_violation
 from gavel_env.world_model.goals import parse_literal
-from gavel_env.world_model.graph import Flag, SceneGraph
+from gavel_env.world_model.graph import Flag, Node, SceneGraph
+from gavel_env.world_model.ontology import default_ontology
 from gavel_env.world_model.own_actions import CHECKS, OwnAction, own_state, registered
 from gavel_env.world_model.own_actions_pddl import grounded_own_actions, with_own_actions
 from gavel_env.world_model.pddl import export_pddl
@@ -70,6 +71,20 @@ def test_a_step_changes_the_facts_that_the_world_model_changes(effects: tuple[st
             before = facts(graph)
             for step in grounded_own_actions(graph, OBJECTS):
                 assert (before - set(step.deletes)) | set(step.adds) == facts(apply(graph, step.action)), step
+
+
+def test_the_export_of_a_state_has_what_a_step_adds_and_deletes() -> None:
+    with registered(OwnAction("TRY", needs=("near(x)",), effects=("tried(x)", "not half_done(x)"))):
+        domain = export_pddl(STATES[1]).domain
+    [step] = [text for text in domain.split("(:action ") if text.startswith("try--stove_0-")]
+    effect = step.partition(":effect")[2]
+    assert "(tried stove_0)" in effect
+    assert "(not (half_done stove_0))" in effect
+
+
+def test_a_thing_whose_place_nobody_knows_is_exported_too() -> None:
+    graph = STATES[0].with_nodes({"mug_0": Node("mug_0", default_ontology()["mug"], False)})
+    assert "(:action navigate_to--mug_0--" in export_pddl(graph).domain
 
 
 def test_a_state_that_is_new_is_a_flag_and_a_predicate_of_its_name() -> None:
