@@ -15,6 +15,7 @@ from eval.cli import main
 from eval.studies.room_coverage import coverage, room_searches
 from gavel_agents.ordering.cost import COVERAGE_WIDTH_M, PAPER_COVERAGE_WIDTH_M, TravelModel
 from gavel_agents.ordering.order import Costs, best_by_first_task, expected_costs, held_karp, orderings
+from gavel_agents.ordering.situation import Situation
 from gavel_env.house.floor_map import known_layout
 from gavel_env.house.scenes import load_scene
 from gavel_env.world_model.actions import parse_action
@@ -201,6 +202,18 @@ def test_the_next_task_profits_from_the_rooms_that_the_first_will_have_searched(
     end = travel.rollout(plans[0], start, {"a": alike}, {}).end
     afresh = travel.rollout(plans[1], end, {"b": alike}, {}).metres
     assert costs.pairwise_cost[0, 1] < 0.9 * afresh
+
+
+def test_a_whole_order_is_driven_task_by_task_from_what_the_ones_before_left(travel: TravelModel) -> None:
+    alike = np.full(len(travel.rooms), 1.0 / len(travel.rooms))
+    start = travel.at(travel.layout.start)
+    beliefs = {"a": alike, "b": alike, "c": alike}
+    plans = [[parse_action(f"NAVIGATE_TO({thing})")] for thing in beliefs]
+    situation = Situation(plans, travel, start, beliefs, {})
+    whole = travel.rollout([step for task in (2, 0, 1) for step in plans[task]], start, beliefs, {})
+    assert situation.sequential_m((2, 0, 1)) == pytest.approx(whole.metres)
+    assert situation.sequential_m(()) == 0.0
+    assert situation.expected_m([(2, 0, 1)]) == [situation.pairwise().ordering_cost((2, 0, 1))]
 
 
 def test_coverage_width_is_what_the_executor_takes_in_houses_of_no_benchmark() -> None:
