@@ -30,7 +30,7 @@ import gymnasium as gym
 import gavel_env
 from gavel_env import EnvAction, Primitive
 
-env = gym.make("Gavel-SingleTask-v0", render_mode="ansi", on_violation="noop")  # what is refused changes nothing
+env = gym.make("Gavel-SingleTask-v0", render_mode="ansi", on_violation="noop")  # an invalid action changes nothing
 observation, info = env.reset(seed=7)
 print(observation["instruction"])
 
@@ -59,7 +59,7 @@ assert numbers in env.action_space
 env.step(numbers)
 ```
 
-Instructions of one's own are records ([format](../howto/instructions.md)) or a file of them:
+Instructions of your own are records ([format](../howto/instructions.md)) or a file of them:
 
 ```python
 record = {
@@ -80,10 +80,10 @@ assert info["success"]
 END = """
 ## What is hidden stays hidden
 
-Before something was observed it has no id, no node and no position: neither observations nor `info` nor any public
-attribute leads to it (`tests/test_leaks.py` walks them). An id that exists but was not observed is refused exactly as
-one that does not exist. Pictures (`render_mode="rgb_array"`) are for people: they show the whole house, unseen floor
-dimmed. Three methods of `env.unwrapped` look behind the curtain, and no agent but the oracle may call them:
+Before something is observed it has no id, no node and no position: no observation, no `info` and no public
+attribute leads to it (`tests/test_leaks.py` walks them). An id that exists but was not observed is answered
+exactly like one that does not exist. Pictures (`render_mode="rgb_array"`) are for people: they show the whole house, unseen floor
+dimmed. Three methods of `env.unwrapped` show the hidden state. Only the oracle among the agents may call them:
 
 | method | for |
 |---|---|
@@ -126,7 +126,7 @@ def page() -> str:
     body = markdown(GavelEnv).split("\n", 2)[2]
     parts = [BEGINNING, body, "\n\n## Columns of a node\n\n", columns(), "\n\n## Relations of an edge\n\n"]
     parts += [", ".join(f"{int(e)} `{e.name.lower()}`" for e in EdgeType), ".\n\n## Outcomes\n\n"]
-    parts += ["`ok`, or why an action was refused: ", ", ".join(f"`{kind.value}`" for kind in ViolationKind), ".\n"]
+    parts += ["`ok`, or why an action was invalid: ", ", ".join(f"`{kind.value}`" for kind in ViolationKind), ".\n"]
     parts += ["\n## Wrappers\n"]
     for wrapper in (TextActions, FlatActions, PaddedGraph, SlotEnv, TextGame):
         parts += [f"\n### {wrapper.__name__}\n\n", markdown(wrapper).replace("\n## ", "\n#### "), "\n"]

@@ -109,7 +109,7 @@ class OracleAgent:
     def act(self, observation: Any, info: Mapping[str, Any]) -> EnvAction | None:
         """Return the next step of the reference plans; None at their end or after a refusal."""
         if info["outcome"] not in ("", "ok"):
-            self.trace.stopped = f"refused: {info['outcome']}"
+            self.trace.stopped = f"invalid: {info['outcome']}"
             return None
         return EnvAction.of(self._left.popleft()) if self._left else None
 

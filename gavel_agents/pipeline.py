@@ -168,7 +168,7 @@ class PlanningAgent:
         observed: Observed = info["observed"]
         if self._sent is not None:
             if observed.outcome != "ok":
-                self.trace.stopped = f"{self._sent} was refused: {observed.outcome}"
+                self.trace.stopped = f"{self._sent} was invalid: {observed.outcome}"
                 return None
             if self._returning and observed.reached is None:
                 self._come_back(self._sent, observed)

@@ -1,7 +1,7 @@
 """Data files: where the shipped ones lie, and the one way in which any file is read.
 
 Every reader here takes regular files only, up to a size, and turns what is wrong into a typed error that names the file
-(and the line), so that a folder, a device, a decompression bomb or a byte that is no UTF-8 is said instead of met.
+(and the line), so that a folder, a device, a decompression bomb or a byte that is not UTF-8 is said instead of met.
 """
 
 from __future__ import annotations

@@ -80,11 +80,11 @@ class CategoryError(DataError):
 
 
 class MalformedAction(GavelError):
-    """A text that is no action of the nine primitives."""
+    """A text that is not an action of the nine primitives."""
 
 
 class MalformedGoal(GavelError):
-    """A text that is no goal literal."""
+    """A text that is not a goal literal."""
 
 
 _LONGEST_NAME = 200

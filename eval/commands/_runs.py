@@ -28,7 +28,7 @@ def add_how(parser: argparse.ArgumentParser) -> None:
         "--connections",
         type=positive,
         metavar="N",
-        help="calls of a language model under way at once (default: 8 for servers, else 1)",
+        help="concurrent calls of a language model (default: 8 for servers, else 1)",
     )
     how.add_argument("--executor", choices=("local", "ray"), default="local", help="ray: on a Ray cluster")
     how.add_argument("--address", metavar="HOST:PORT", help="of the Ray cluster (default: RAY_ADDRESS, or a local one)")
@@ -45,8 +45,8 @@ def add_how(parser: argparse.ArgumentParser) -> None:
     )
     limits = parser.add_argument_group("when it stops early (and can be resumed)")
     limits.add_argument("--max-calls", type=positive, metavar="N", help="after N calls of language models")
-    limits.add_argument("--max-tokens", type=positive, metavar="N", help="after N tokens, sent and new")
-    limits.add_argument("--max-cost", type=_seconds, metavar="X", help="after X, by the prices of --prices")
+    limits.add_argument("--max-tokens", type=positive, metavar="N", help="after N tokens, in prompts and answers")
+    limits.add_argument("--max-cost", type=_seconds, metavar="X", help="after a cost of X, by --prices")
     limits.add_argument("--prices", metavar="FILE.json", help="prices of models per million tokens")
     limits.add_argument(
         "--fail-on-errors",
@@ -134,7 +134,7 @@ def seeds(text: str) -> tuple[int, ...]:
     try:
         found = tuple(int(part) for part in text.split(","))
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no list of whole numbers such as 0,1,2") from None
+        raise argparse.ArgumentTypeError(f"{text!r} is not a list of whole numbers such as 0,1,2") from None
     if min(found) < 0:
         raise argparse.ArgumentTypeError(f"{text!r}: seeds are not negative")
     return found
@@ -145,7 +145,7 @@ def positive(text: str) -> int:
     try:
         number = int(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
     if number < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is less than 1")
     return number

@@ -24,7 +24,7 @@ def register(subparsers: Any) -> None:
     listing.add_argument("--scene", help="only those that fit this scene")
     listing.set_defaults(run=_list)
     show = family.add_parser("show", help="an activity's definition, or how it is grounded in a scene")
-    show.add_argument("name", help="as in putting_away_toys")
+    show.add_argument("name", help="such as putting_away_toys")
     show.add_argument("--scene", help="ground it in this scene: text, placements and goal")
     show.set_defaults(run=_show)
 

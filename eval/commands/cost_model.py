@@ -16,7 +16,9 @@ __all__ = ["register"]
 def register(subparsers: Any) -> None:
     """Add `gavel eval cost-model` and `gavel eval coverage`."""
     coverage = family(subparsers, "eval").add_parser("coverage", help="measure the coverage width w_cov of s(r)")
-    coverage.add_argument("--scenes", nargs="+", metavar="SCENE", help="default: measured houses of no benchmark")
+    coverage.add_argument(
+        "--scenes", nargs="+", metavar="SCENE", help="default: measured houses that no benchmark uses"
+    )
     coverage.set_defaults(run=_run_coverage)
     parser = family(subparsers, "eval").add_parser(
         "cost-model", help="how well the cost of an order predicts the metres driven, and how well anything could"

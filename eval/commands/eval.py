@@ -33,7 +33,9 @@ def register(subparsers: Any) -> None:
 
 def _add_options(parser: argparse.ArgumentParser) -> None:
     what = parser.add_argument_group("what is run")
-    what.add_argument("--agents", type=names, metavar="A,B", help="names; default: all that can run")
+    what.add_argument(
+        "--agents", type=names, metavar="A,B", help="agent names (default: all built-in agents that can run)"
+    )
     what.add_argument("--kind", choices=tuple(_KINDS), help="kind of instructions (default: both; with files: all)")
     what.add_argument(
         "--instructions", action="append", metavar="FILE.jsonl", help="instead of the shipped ones; repeatable"
@@ -57,7 +59,7 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
         type=names,
         default=(),
         metavar="A,B",
-        help="what methods that order go by: paper (J as printed), carried (default), simulated; not gavel-plus",
+        help="cost by which methods order tasks: paper (J as printed), carried (default), simulated; not gavel-plus",
     )
     what.add_argument("--seeds", type=seeds, default=(0,), metavar="0,1", help="default: 0")
     what.add_argument("--sample", type=positive, metavar="N", help="only N of each kind, drawn by the hash of the id")
@@ -121,7 +123,7 @@ def _eval(arguments: argparse.Namespace) -> int:
 
 
 def _all_failed(records: Collection[EpisodeRecord]) -> int:
-    """Return 1, and say why, if every episode ended in an error: that is no result of the agents."""
+    """Return 1, and say why, if every episode ended in an error: that is not a result of the agents."""
     if not records or any(record.outcome not in ("error", "rejected") for record in records):
         return 0
     first = next(iter(records))

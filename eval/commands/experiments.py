@@ -54,7 +54,7 @@ def _add_what(parser: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--cost",
         choices=("paper", "carried", "simulated"),
-        help="what methods that order go by: J as printed, carried (default) or simulated",
+        help="the cost by which methods order tasks: J as printed, carried (default) or simulated",
     )
     what.add_argument("--seeds", type=seeds, metavar="0,1", help="default: 0,1,2,3,4 where a planner samples, else 0")
     what.add_argument(

@@ -11,7 +11,7 @@ __all__ = ["register"]
 
 _SAYS = {
     "sft": "fine-tuning pairs: prompt, plan that succeeded (repaired where it had to be)",
-    "dpo": "preference pairs: prompt, repaired or accepted plan, refused plan",
+    "dpo": "preference pairs: prompt, valid or repaired plan, invalid plan",
     "trajectories": "episodes: observation, action and verdict of every step",
 }
 
@@ -32,7 +32,7 @@ def register(subparsers: Any) -> None:
         action="append",
         default=[],
         metavar="FILE.jsonl",
-        help="of trajectories: beside the shipped ones",
+        help="for trajectories: in addition to the shipped ones",
     )
     parser.set_defaults(run=_export)
 

@@ -20,18 +20,22 @@ def register(subparsers: Any) -> None:
         description="Rank the contestants of run folders, of the same data and rules only.",
     )
     board.add_argument("runs", nargs="+", metavar="DIR", help="folders that gavel eval wrote")
-    board.add_argument("--verify", action="store_true", help="play every run again first (gavel verify-run)")
+    board.add_argument("--verify", action="store_true", help="replay every run first (gavel verify-run)")
     board.add_argument("--format", choices=("terminal", "markdown", "csv", "latex", "html"), default="terminal")
     board.add_argument("--output", metavar="FILE", help="write to a file instead of the terminal")
     board.set_defaults(run=_leaderboard)
     verify = subparsers.add_parser(
         "verify-run",
-        help="play a run folder again: every action and prompt must be as recorded",
-        description="Exit status 0 if everything is as recorded, 1 if something is not.",
+        help="replay a run folder: every action and prompt must match the record",
+        description="Exit status: 0 = everything matches the record, 1 = something differs.",
     )
     verify.add_argument("run_folder", metavar="DIR", help="a folder that gavel eval wrote")
     verify.add_argument(
-        "--instructions", action="append", default=[], metavar="FILE.jsonl", help="beside the shipped ones; repeatable"
+        "--instructions",
+        action="append",
+        default=[],
+        metavar="FILE.jsonl",
+        help="in addition to the shipped ones; repeatable",
     )
     verify.set_defaults(run=_verify)
 

@@ -15,10 +15,10 @@ def register(subparsers: Any) -> None:
     """Add `gavel play`."""
     play = subparsers.add_parser("play", help="carry out an instruction by hand, in words")
     what = play.add_mutually_exclusive_group()
-    what.add_argument("--scene", help="draw an instruction that plays in this scene")
+    what.add_argument("--scene", help="pick an instruction in this scene")
     what.add_argument("--instruction", metavar="ID", help="of the shipped files, or of --file")
     play.add_argument("--file", type=Path, metavar="FILE", help="instruction file (default: the shipped single tasks)")
-    play.add_argument("--seed", type=int, default=0, help="of the instruction drawn (default: 0)")
+    play.add_argument("--seed", type=int, default=0, help="which instruction is picked (default: 0)")
     play.add_argument("--map", type=Path, metavar="FILE", help="where `map` draws the house (default: a new file)")
     play.set_defaults(run=_play)
 

@@ -17,7 +17,9 @@ def register(subparsers: Any) -> None:
     """Add `gavel record`."""
     parser = subparsers.add_parser("record", help="record a language model's answers, to replay them without it")
     parser.add_argument("--planner", required=True, metavar="SPEC", help="the model, such as gguf:MODEL.gguf")
-    parser.add_argument("--out", required=True, metavar="FILE.jsonl.gz", help="the recording; an existing one goes on")
+    parser.add_argument(
+        "--out", required=True, metavar="FILE.jsonl.gz", help="the recording; an existing one is continued"
+    )
     parser.add_argument("--agents", default=_AGENTS, metavar="A,B", help=f"default: {_AGENTS}")
     parser.add_argument("--instructions", default="single", metavar="NAME", help="shipped file or path")
     parser.add_argument(
@@ -29,15 +31,13 @@ def register(subparsers: Any) -> None:
     parser.add_argument("--prior", default="choice", metavar="NAME", help="location prior (default: choice)")
     parser.add_argument("--profile", choices=("paper", "omnigibson"), default="paper", help="rules profile")
     parser.add_argument("--seeds", type=seeds, default=(0,), metavar="0,1", help="of the model's sampling (default: 0)")
-    parser.add_argument(
-        "--threads", type=_positive, default=2, metavar="N", help="prompts asked at the same time (default: 2)"
-    )
+    parser.add_argument("--threads", type=_positive, default=2, metavar="N", help="prompts asked at once (default: 2)")
     parser.set_defaults(run=_run)
 
 
 def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number above 0")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
     return int(text)
 
 
@@ -55,7 +55,7 @@ def _run(arguments: argparse.Namespace) -> int:
     agents = arguments.agents.split(",")
     model = recorder(arguments.planner, arguments.out, arguments.threads)
     if model.set_aside is not None:
-        print(f"{arguments.out} did not read whole: set aside as {model.set_aside}, and what reads is kept")
+        print(f"{arguments.out} was not whole: it is now {model.set_aside}, and what could be read is kept")
     begun = time.monotonic()
     total = len(agents) * len(chosen) * len(arguments.seeds)
     for number, asked in enumerate(

@@ -19,13 +19,15 @@ def register(subparsers: Any) -> None:
     """Add `gavel run`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "run",
-        help="say what shall be done in a house, and see it done",
+        help="say what to do in a house, and watch it done",
         description="Understand a sentence, put the things it speaks of somewhere plausible, plan, verify, repair and "
         "drive. Without a sentence: a prompt. Exit status: 0 done, 1 not done, 2 not understood or wrong use.",
     )
-    parser.add_argument("sentence", nargs="*", help="what shall be done, in words")
+    parser.add_argument("sentence", nargs="*", help="what to do, in words")
     parser.add_argument("--scene", default="Beechwood_0_int", metavar="NAME", help="house (default: Beechwood_0_int)")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the places that are drawn (default: 0)")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="seed of where unplaced things are (default: 0)"
+    )
     parser.add_argument(
         "--place",
         action="append",

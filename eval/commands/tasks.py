@@ -51,14 +51,24 @@ def register(subparsers: Any) -> None:
     generate.add_argument(
         "--houses", nargs="+", default=["benchmark"], metavar="SCENE", help="scenes, or benchmark, held-out, all"
     )
-    generate.add_argument("--tasks", type=_span, default=(2, 5), metavar="A-B", help="errands of a multi (2-5)")
-    generate.add_argument("--rooms-spread", type=_span, default=(1, 99), metavar="A-B", help="rooms the plan stops in")
-    generate.add_argument("--horizon", type=_span, default=(1, 99), metavar="A-B", help="primitives of the plan")
-    generate.add_argument("--surprise", type=float, default=0.1, help="chance of a start against the evidence (0.1)")
-    generate.add_argument("--say-room", type=float, default=0.46, help="chance that a reference says its room (0.46)")
-    generate.add_argument("--distractors", type=int, default=2, help="things that nothing is asked of (2)")
+    generate.add_argument(
+        "--tasks", type=_span, default=(2, 5), metavar="A-B", help="errands per multi-task instruction (default: 2-5)"
+    )
+    generate.add_argument(
+        "--rooms-spread", type=_span, default=(1, 99), metavar="A-B", help="rooms in which the plan stops"
+    )
+    generate.add_argument(
+        "--horizon", type=_span, default=(1, 99), metavar="A-B", help="length of the plan in primitives"
+    )
+    generate.add_argument(
+        "--surprise", type=float, default=0.1, help="chance that a thing starts in an unlikely place (default: 0.1)"
+    )
+    generate.add_argument(
+        "--say-room", type=float, default=0.46, help="chance that furniture is named with its room (default: 0.46)"
+    )
+    generate.add_argument("--distractors", type=int, default=2, help="things that the task does not need (default: 2)")
     generate.add_argument("--split", choices=("benchmark", "validation", "train"), default="benchmark")
-    generate.add_argument("--any-pairs", action="store_true", help="object pairs of every split, not of one alone")
+    generate.add_argument("--any-pairs", action="store_true", help="object pairs of all splits, not only of --split")
     generate.add_argument("--out", type=Path, metavar="FILE", help="instruction file to write (default: stdout)")
     generate.set_defaults(run=_generate)
 
@@ -68,7 +78,7 @@ def _span(text: str) -> tuple[int, int]:
     try:
         span = int(low), int(high if dash else low)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no range; write 2-5 or 4") from None
+        raise argparse.ArgumentTypeError(f"{text!r} is not a range; write 2-5 or 4") from None
     if span[0] > span[1] or span[0] < 0:
         raise argparse.ArgumentTypeError(f"{text!r} is empty; write the smaller number first")
     return span

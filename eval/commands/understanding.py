@@ -36,7 +36,7 @@ def register(subparsers: Any) -> None:
         help="rules (default), adapter, adapter:FOLDER, llm or reference",
     )
     command.add_argument("--planner", metavar="SPEC", help="the language model that llm asks")
-    command.add_argument("--record", metavar="FILE.jsonl.gz", help="keep what it answers; an existing file goes on")
+    command.add_argument("--record", metavar="FILE.jsonl.gz", help="record its answers; an existing file is continued")
     command.add_argument(
         "--instructions",
         action="append",

@@ -83,7 +83,7 @@ def read_plan(path: str) -> str:
     try:
         return sys.stdin.read() if path == "-" else read_bytes(path, "plan file").decode("utf-8")
     except UnicodeDecodeError as error:
-        raise DataError(f"plan file {path} is no UTF-8 text: {error.reason} at byte {error.start}") from error
+        raise DataError(f"plan file {path} is not UTF-8 text: {error.reason} at byte {error.start}") from error
 
 
 def _report(result: Verified) -> None:

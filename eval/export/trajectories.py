@@ -59,7 +59,7 @@ def trajectories(files: RecordFile, paths: Iterable[str | Path] = ()) -> Iterato
         rig.record = record
         again = rig.run(Episode(record.key, record.kind, record.contestant, record.code, instruction)).record
         if again.steps != record.steps:
-            raise DataError(f"{record.instruction} by {record.contestant.agent} plays otherwise than it was recorded")
+            raise DataError(f"{record.instruction} by {record.contestant.agent} does not replay as it was recorded")
         yield _row(record, rig.played.seen)
 
 

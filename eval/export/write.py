@@ -23,7 +23,7 @@ COLUMNS: Mapping[str, Mapping[str, str]] = {
     "dpo": {
         "prompt": "chat turns that the planner was asked with",
         "chosen": "one assistant turn: what repair made of the plan, or the plan that was accepted in the end",
-        "rejected": "one assistant turn: the plan that the graph model refused",
+        "rejected": "one assistant turn: the plan that the graph model found invalid",
         "chosen_by": "repair or later attempt",
         "refused_because": "per wrong task its verdict",
         "edits": "what repair did, one line per edit",

@@ -40,7 +40,7 @@ class RecordFile(NamedTuple):
     Attributes:
         headers: in order.
         records: by key; of records with the same key the last one.
-        damaged: `PLACE: REASON` per line that is no record; their episodes count as not run.
+        damaged: `PLACE: REASON` per line that is not a record; their episodes count as not run.
     """
 
     headers: tuple[RunHeader, ...]

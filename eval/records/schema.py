@@ -30,15 +30,15 @@ __all__ = [
 ]
 
 OUTCOMES: Mapping[str, str] = {
-    "success": "no violation, goal met, everything safe after the agent's last action",
-    "violation": "an action was refused",
-    "unmet": "the agent ended, and part of the goal does not hold",
+    "success": "the agent stopped with the goal met, without violation, everything closed and off again",
+    "violation": "an action was invalid: a precondition did not hold",
+    "unmet": "the agent stopped with part of the goal unmet",
     "unsafe": "the goal holds, but something was left open or on",
     "truncated": "the step limit was reached",
     "timeout": "the wall-clock limit was reached",
-    "refused": "the agent declined: the instruction was not understood",
-    "error": "the agent or the environment raised, or its process died",
-    "rejected": "the instruction itself is bad: malformed, or does not fit its scene",
+    "refused": "the agent declined: it did not understand the instruction",
+    "error": "the agent or the environment raised an exception, or its process died",
+    "rejected": "the instruction is malformed or does not fit its scene",
 }
 """Every way in which an episode ends; all of them stay in the denominator."""
 
@@ -120,8 +120,8 @@ class Usage(msgspec.Struct, frozen=True, omit_defaults=True):
 class Contestant(msgspec.Struct, frozen=True, omit_defaults=True):
     """An agent with everything that is chosen for it: one row of a table.
 
-    `kinds` and `sample` say which episodes are scheduled and are no part of `config`: what is drawn for a sample is the
-    same episode outside it.
+    `kinds` and `sample` say which episodes are scheduled and are not part of `config`: what is drawn for a sample is
+    the same episode outside it.
 
     Attributes:
         agent: registered name.
@@ -156,7 +156,7 @@ class Contestant(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class RejectedLine(msgspec.Struct, frozen=True):
-    """A line of an instruction file that is no instruction; scheduled and counted under `id`."""
+    """A line of an instruction file that is not an instruction; scheduled and counted under `id`."""
 
     id: str
     reason: str

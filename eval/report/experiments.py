@@ -97,7 +97,7 @@ def _notes(experiment: Experiment, section: Section, models: Sequence[str], unas
     if models:
         notes.append(
             f"published: the paper's figures for {' and '.join(models)}, in its own executor and with goals extracted "
-            "by a model; they are no target of these rows unless model and understanding are the same."
+            "by a model; they are not targets for these rows unless model and understanding are the same."
         )
     said: dict[str, list[str]] = {}
     for row in section.rows:

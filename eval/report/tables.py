@@ -83,7 +83,7 @@ class Results(NamedTuple):
     Attributes:
         facts: (name, value) for the header: code, rules, seeds.
         rejected: id and reason of instructions that could not be read, or do not fit their scenes.
-        damaged: lines of record files that are no records.
+        damaged: lines of record files that are not records.
     """
 
     sections: tuple[Section, ...]

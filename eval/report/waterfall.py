@@ -13,7 +13,7 @@ from gavel_agents.agent import TaskTrace, says_valid
 __all__ = ["CAUSES", "STAGES", "Waterfall", "cause", "waterfall"]
 
 STAGES: Mapping[str, str] = {
-    "proposal": "the model's first proposal is refused by the graph model, or the instruction was not understood",
+    "proposal": "the model's first proposal is invalid, or the instruction was not understood",
     "repair": "the same after graph-derived repair of the first proposal",
     "feedback": "the same of the last proposal, after complaints",
     "execution": "the episode was not solved",
@@ -21,7 +21,7 @@ STAGES: Mapping[str, str] = {
 
 CAUSES: Mapping[str, str] = {
     "understanding": "what was understood is not what the record says, or nothing was",
-    "proposal": "after all attempts the plan is still refused by the graph model",
+    "proposal": "after all attempts the plan is still invalid",
     "repair": "the plan was accepted; what repair put in failed, or a task that it changed was left unmet or unsafe",
     "execution": "an accepted plan failed as the model wrote it: the house was not as believed",
     "error": "the agent or its model raised, or the episode was cut off",

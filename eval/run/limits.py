@@ -84,7 +84,7 @@ def within(ran: Iterator[Finished], limits: Limits, stop: threading.Event) -> It
             streak += 1
             if limits.fail_on_errors is not None and streak >= limits.fail_on_errors:
                 last = record.error.strip().splitlines()[-1:] or [""]
-                raise RunStopped(f"{streak} episodes in a row found no endpoint; the last: {last[0]}")
+                raise RunStopped(f"{streak} episodes in a row failed to reach the model; the last: {last[0]}")
             continue
         if record.usage.calls:
             streak = 0

@@ -1,6 +1,6 @@
 """The evaluation runner: contestants x instructions x seeds, one record per episode, resumable.
 
-Every scheduled episode ends in a record: a crash is an outcome, a line that is no instruction is an outcome. What
+Every scheduled episode ends in a record: a crash is an outcome, a line that is not an instruction is an outcome. What
 has a record is not run again; so a killed run, resumed, ends in the same table as one that was not.
 """
 

@@ -83,11 +83,11 @@ class _StoredCalls:
 
     def _next(self, prompt: Prompt) -> Completion:
         if not self._left:
-            raise _Differs("asks the model once more than was recorded")
+            raise _Differs("asks the model more often than was recorded")
         call = self._left.popleft()
         asked = [(message.role, scrubbed(message.content)) for message in prompt.messages]
         if asked != [(message.role, message.content) for message in call.messages]:
-            raise _Differs(f"asks something else than call {call.id} says")
+            raise _Differs(f"asks something different from call {call.id} says")
         return call.completion
 
 
@@ -132,7 +132,7 @@ def verify_run(folder: str | Path, instructions: Iterable[str | Path] = ()) -> V
     """
     files = read_records([folder])
     conversations = read_conversations([folder])
-    findings = [Finding(place, "is no record") for place in files.damaged]
+    findings = [Finding(place, "is not a record") for place in files.damaged]
     findings += [Finding("conversations", damage) for damage in conversations.damaged]
     findings += [Finding(f"conversations: {key}", "is not what its hash is of") for key in conversations.changed()]
     known = instructions_of(files, instructions)

@@ -159,14 +159,14 @@ def run_sentence(
         Abstention: says what is not understood; its `question` is what one would have to know.
         NotInHouse: the house lacks something that the sentence needs.
         BadPlacement: a place in `place` cannot be read, or nothing can be put there.
-        BadOption: the agent is none of the planning methods.
+        BadOption: the agent is not one of the planning methods.
         GavelError: unknown scene, agent, planner, understanding or prior.
     """
     if agent not in gavel_agents.agent_names() and agent != "gavel":
         gavel_agents.make(agent)  # raises, with the nearest names
     name = "gavel-full" if agent == "gavel" else agent
     if name not in METHODS:
-        raise BadOption(f"agent {agent!r} is none of the planning methods: {', '.join(METHODS)}")
+        raise BadOption(f"agent {agent!r} is not one of the planning methods: {', '.join(METHODS)}")
     model = load_model(planner)
     found, known = understand(text, scene, understanding=understanding, answers=answers, ask=ask, model=model)
     staged = stage(text, scene, found.tasks, seed=seed, places=place)

@@ -47,7 +47,7 @@ def read_place(text: str, house: House, rng: np.random.Generator) -> tuple[tuple
     """
     match = _PLACE.match(text)
     if match is None:
-        raise BadPlacement(f"{text!r} is no place; write THING on PLACE, such as 'mug on desk@private_office'")
+        raise BadPlacement(f"{text!r} is not a place; write THING on PLACE, such as 'mug on desk@private_office'")
     thing, preposition, target = match.groups()
     able = _movable(text, thing, house)
     rooms = _rooms(target, house)

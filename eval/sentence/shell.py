@@ -20,7 +20,7 @@ from gavel_env.house.scenes import load_scene, scene_names
 
 __all__ = ["HELP", "Shell", "history_file"]
 
-HELP = """Write what shall be done, in words. Commands:
+HELP = """Write what to do, in words. Commands:
   :plan               the plan of the last sentence, with its repairs
   :why                what was believed, repaired, searched and found
   :verify [FILE]      check the last plan, or the plan in a file, against the last sentence
@@ -80,7 +80,7 @@ class Shell:
 
     def loop(self) -> None:
         """Read until the end of the input, or `:quit`."""
-        self._console.print(f"[bold]{self._scene}[/bold]: what shall be done? [dim]:help for commands[/dim]")
+        self._console.print(f"[bold]{self._scene}[/bold]: what should be done? [dim]:help for commands[/dim]")
         with _history():
             while (line := self._read()) is not None and line not in (":quit", ":q", ":exit"):
                 if line:

@@ -41,7 +41,7 @@ def with_appliances(task: TaskUnderstanding, house: House) -> tuple[TaskUndersta
         suited = [piece for piece in able if _suits(piece.category, treated, house)] or able
         objects.append(Designator(suited[0].category))
         words = suited[0].category.replace("_", " ")
-        notes.append(f"what it shall be {flag.name.lower()} in is not said: the {words} is taken")
+        notes.append(f"no appliance is named for it to be {flag.name.lower()} in: the {words} is used")
     return msgspec.structs.replace(task, objects=tuple(dict.fromkeys(objects))), tuple(notes)
 
 

@@ -59,7 +59,7 @@ def _read(path: Path) -> dict[str, float]:
     """Return the medians of the run before by name; none if there was no run.
 
     Raises:
-        DataError: the file is no bench.
+        DataError: the file is not a bench.
     """
     if not path.exists():
         return {}

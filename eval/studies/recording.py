@@ -49,7 +49,7 @@ def recorder(planner: str, out: str | Path, threads: int) -> RecordingModel:
 
     Raises:
         BadPlannerSpec: unknown kind of planner, or what it needs is missing.
-        DataError: `out` exists and is no recording.
+        DataError: `out` exists and is not a recording.
     """
     model = load_model(planner)
     if planner.partition(":")[0] in _BATCHED:
@@ -81,7 +81,7 @@ def record(
         seeds: of the model's sampling; a greedy model is asked once for all of them.
 
     Raises:
-        DataError: an agent is none of the methods that ask a model.
+        DataError: an agent is not one of the methods that ask a model.
         GavelError: the model does not answer; what has not begun by then is not begun.
     """
 
@@ -93,7 +93,7 @@ def record(
         )
         if not isinstance(planner, PlanningAgent) or planner.config.source != "model":
             asking = ", ".join(sorted(name for name, config in METHODS.items() if config.source == "model"))
-            raise DataError(f"agent {agent!r} is none of the methods that ask a language model: {asking}")
+            raise DataError(f"agent {agent!r} is not one of the methods that ask a language model: {asking}")
         planner.reset(*env.reset(seed=seed, options={"instruction": instruction.id}))
         env.close()
         trace = planner.trace

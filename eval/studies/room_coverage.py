@@ -20,7 +20,7 @@ from gavel_env.sim.room_search import RoomSearch
 __all__ = ["CALIBRATION_HOUSES", "Coverage", "RoomSearched", "coverage", "room_searches"]
 
 CALIBRATION_HOUSES = ("Benevolence_0_int", "Benevolence_2_int", "Ihlen_0_int", "Merom_0_int", "Pomaria_2_int")
-"""Houses with measured floor plans that are no benchmark house."""
+"""Houses with measured floor plans that are not benchmark houses."""
 
 _ENTRANCES = 2
 

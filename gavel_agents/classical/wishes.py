@@ -172,7 +172,7 @@ def _of_atom(atom: Atom, graph: SceneGraph, bound: Mapping[str, str], positive: 
 
 def _of_count(formula: ForN, graph: SceneGraph, bound: Mapping[str, str], positive: bool, price: Price) -> Chosen:
     if not positive:
-        raise Unplannable(f"a count that shall not be: {formula}")
+        raise Unplannable(f"a negated count: {formula}")
     members = _domain(graph, formula.domain)
     if len(members) < formula.count:
         raise Unplannable(f"{formula.count} of {len(members)}: {formula}")
@@ -185,7 +185,7 @@ def _of_count(formula: ForN, graph: SceneGraph, bound: Mapping[str, str], positi
 def _of_pairs(formula: ForPairs, graph: SceneGraph, bound: Mapping[str, str], positive: bool, price: Price) -> Chosen:
     """Pair every member of the smaller domain with one of the other, the cheapest pairs first."""
     if not positive:
-        raise Unplannable(f"pairs that shall not be: {formula}")
+        raise Unplannable(f"negated pairs: {formula}")
     firsts, seconds = _domain(graph, formula.domain), _domain(graph, formula.other_domain)
     pairs = {
         (a, b): _of(formula.body, graph, {**bound, formula.variable: a, formula.other_variable: b}, True, price)

@@ -47,7 +47,7 @@ class Holder:
         grammar = self._library.LLMatcher.grammar_from_json_schema(json.dumps(guided))
         matcher = self._library.LLMatcher(self._tokenizer, grammar)
         if matcher.is_error():
-            raise ModelError(f"a schema cannot be held to: {matcher.get_error()[:200]}")
+            raise ModelError(f"a schema cannot be enforced: {matcher.get_error()[:200]}")
         return matcher
 
 

@@ -90,7 +90,7 @@ class GgufModel:
         if isinstance(answer, str | bytes):
             answer = json.loads(answer)
         if "choices" not in answer:
-            raise DataError(f"{self.name} refused the prompt: {answer.get('error', answer)}")
+            raise DataError(f"{self.name} rejected the prompt: {answer.get('error', answer)}")
         usage = answer.get("usage", {})
         return Completion(
             answer["choices"][0]["message"]["content"],

@@ -1,6 +1,6 @@
 """The one grammar of plans, for backends that can constrain what a model writes: GBNF (llama.cpp) and JSON schema.
 
-A constrained model can still plan badly, but not write what is no plan: no prose, no verb that is not there, no loop
+A constrained model can still plan badly, but writes only plans: no prose, no verb that is not there, no loop
 beyond `MOST_STEPS`. Constrained runs say so in their decoding, since they are not comparable with free ones.
 """
 

@@ -41,7 +41,7 @@ class Message(msgspec.Struct, frozen=True):
 
 
 class PlanningProblem(msgspec.Struct, frozen=True):
-    """What a prompt for plans is about, for planners that are no language models.
+    """What a prompt for plans is about, for planners that are not language models.
 
     Attributes:
         graph: the believed graph.
@@ -196,7 +196,7 @@ def spec_options(
             known = ", ".join((*numbers, *decimals, *flags, *words))
             raise BadPlannerSpec(f"unknown option {name!r} in {kind}:{argument}; known: {known}")
         if name in numbers and not (value.isdecimal() and int(value) > 0):
-            raise BadPlannerSpec(f"{kind}:{argument}: {name} is {value!r}, no whole number above 0")
+            raise BadPlannerSpec(f"{kind}:{argument}: {name} is {value!r}, not a whole number above 0")
         if name in decimals and not re.fullmatch(r"\d+(\.\d+)?", value):
             raise BadPlannerSpec(f"{kind}:{argument}: {name} is {value!r}, not a number of 0 or more")
         if name in flags and value:

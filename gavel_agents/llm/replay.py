@@ -85,7 +85,7 @@ def read_recording(path: str | Path) -> Iterator[Recorded]:
     read = _Reading(path)
     yield from read
     if read.damaged and not read.cut:
-        raise DataError(f"recording {path}: {read.damaged[0]}; `gavel record` sets it aside and keeps what reads")
+        raise DataError(f"recording {path}: {read.damaged[0]}; `gavel record` sets it aside and keeps what can be read")
 
 
 class _Reading:

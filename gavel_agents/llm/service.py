@@ -150,7 +150,7 @@ def retried(
         except _TooSlow:
             why = f"no answer within {retries.timeout_s:g} s"
         except (sdk.AuthenticationError, sdk.PermissionDeniedError) as error:
-            raise EndpointError(f"{who}: the key in {key_variable} was refused (HTTP {error.status_code})") from None
+            raise EndpointError(f"{who}: the key in {key_variable} was rejected (HTTP {error.status_code})") from None
         except sdk.NotFoundError as error:
             raise EndpointError(f"{who}: no such model or address: {_said(error, secret)}") from None
         except sdk.APIStatusError as error:

@@ -126,7 +126,7 @@ class TravelModel:
 
         Args:
             start: where the search begins.
-            belief: (rooms,) b_o; rooms of belief 0 are no candidates.
+            belief: (rooms,) b_o; rooms of belief 0 are not candidates.
         """
         return self.search(start, belief, self._nothing).metres
 
@@ -138,7 +138,7 @@ class TravelModel:
 
         Args:
             start: where the search begins.
-            belief: (rooms,) b_o; rooms of belief 0 are no candidates.
+            belief: (rooms,) b_o; rooms of belief 0 are not candidates.
             searched: (rooms,) probability that a room has been searched; all 0 gives the paper's formula.
         """
         belief = belief / belief.sum()

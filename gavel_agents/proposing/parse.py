@@ -31,7 +31,7 @@ class Dropped(msgspec.Struct, frozen=True):
     Attributes:
         line: 1-based line of the answer; 0 for an entry of a JSON answer.
         text: what stood there, at most 120 characters.
-        reason: why it is no action.
+        reason: why it is not an action.
         task: 1-based index of the plan in which it stood.
     """
 
@@ -66,7 +66,7 @@ MOST_CHARACTERS = 60_000
 """Of an answer, its thinking not counted. A plan has a few hundred."""
 
 MOST_LINES = 300
-"""Of an answer that are no action; the rest is left out as one."""
+"""Lines of an answer that are not actions; the rest is left out as one."""
 
 _FENCE = re.compile(r"^\s*(?:```|~~~)")
 _HEADING = re.compile(
@@ -150,7 +150,7 @@ def _read_lines(body: str, plans: dict[int, list[Action]], dropped: list[Dropped
     task = 1
     for number, line in enumerate(body.splitlines(), start=1):
         if len(dropped) >= MOST_LINES:
-            dropped.append(Dropped(number, line.strip()[:120], f"more than {MOST_LINES} lines that are no action"))
+            dropped.append(Dropped(number, line.strip()[:120], f"more than {MOST_LINES} lines that are not actions"))
             return
         if _FENCE.match(line):
             continue
@@ -215,7 +215,7 @@ def _read_tasks(data: Any, plans: dict[int, list[Action]], dropped: list[Dropped
 
 
 def _is_plan(entry: Any) -> bool:
-    """Return whether an entry of a list is itself a plan: a list that is no [verb, target] pair, or has a plan key."""
+    """Return whether an entry of a list is a plan itself: a list but not a [verb, target] pair, or with a plan key."""
     if isinstance(entry, dict):
         return any(isinstance(entry.get(key), list) for key in _PLAN_KEYS)
     if not isinstance(entry, list):

@@ -78,7 +78,7 @@ def proposed_plans(problem: Problem, config: MethodConfig, model: ChatModel, tra
 def edited_plans(problem: Problem, trace: AgentTrace) -> Planned:
     """Synthesise plans from the difference between the believed and the goal graph alone: Repair from nothing.
 
-    A state that only an appliance confers is no difference of relations, so it is left out of what the edits work
+    A state that only an appliance confers is not a difference of relations, so it is left out of what the edits work
     towards; the verdict is on the whole goal (`epog`).
     """
     with stage(trace, "plan"):

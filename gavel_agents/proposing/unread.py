@@ -2,7 +2,7 @@
 
 `parse` takes from a model's answer what it can; a gate must also know what it could not. `unread` lists both what the
 parser left out and what it passed over without a word: a second step on a line, a call that names no primitive, a step
-beside the JSON, a value that breaks off. Comments, fences, headings and thinking are no steps.
+beside the JSON, a value that breaks off. Comments, fences, headings and thinking are not steps.
 """
 
 from __future__ import annotations

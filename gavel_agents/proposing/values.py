@@ -54,7 +54,7 @@ def values_in(text: str) -> list[tuple[Any, int]]:
 
 
 class _Unreadable(Exception):
-    """What stands here is no value."""
+    """What stands here is not a value."""
 
 
 class _Tokens:

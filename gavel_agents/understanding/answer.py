@@ -121,7 +121,7 @@ def _named(literals: Iterable[str]) -> set[str]:
 
 
 def _objects_of(literal: Literal) -> tuple[Designator, ...]:
-    """Return what a literal speaks of; the room of `in_room` is no object."""
+    """Return what a literal speaks of; the room of `in_room` is not an object."""
     if literal.object is None or literal.predicate is Predicate.IN_ROOM:
         return (literal.subject,)
     return (literal.subject, literal.object)
@@ -147,10 +147,10 @@ def read_answer(answer: str, text: str) -> Decomposition:
     asked = [literal for task in tasks for literal in task.goal.literals]
     for literal in stated:
         if literal.negated or literal.predicate not in _LOCATIONS:
-            raise Abstention("malformed", f"{literal} is no location")
+            raise Abstention("malformed", f"{literal} is not a location")
     check_capable([*stated, *asked])
     check_possible(stated, "is said to be")
-    check_possible(asked, "shall be")
+    check_possible(asked, "should be")
     return Decomposition(tasks)
 
 

@@ -17,7 +17,7 @@ def check_possible(literals: Iterable[Literal], verb: str) -> None:
 
     Args:
         literals: what is said.
-        verb: how an error says it: "is said to be", "shall be".
+        verb: how an error says it: "is said to be", "should be".
 
     Raises:
         Abstention: `contradiction`.

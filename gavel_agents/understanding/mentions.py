@@ -84,7 +84,7 @@ class Mentions:
         for start, end, phrase in spans:
             longer = [around for a, b, around in spans if a <= start and end <= b and b - a > end - start]
             if not all(in_a_room(" ".join(around)) for around in longer):
-                continue  # "coffee table" is no other table; "garden chair" may be the chair in the garden
+                continue  # "coffee table" is not another table; "garden chair" may be the chair in the garden
             meant = _meanings()[phrase]
             found |= meant
             if meant.categories:

@@ -50,7 +50,7 @@ def _task(instruction: Instruction, index: int) -> TaskUnderstanding:
 
 
 def designators(literals: Iterable[Literal]) -> tuple[Designator, ...]:
-    """Return every designator of some literals once, in order; the rooms of `in_room` are no objects."""
+    """Return every designator of some literals once, in order; the rooms of `in_room` are not objects."""
     found: dict[Designator, None] = {}
     for literal in literals:
         found[literal.subject] = None

@@ -16,7 +16,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; 0 = done, 2 = something is missing (said on stderr)."""
     parser = argparse.ArgumentParser(
         prog="python -m gavel_agents.understanding.train",
-        description="Fit a LoRA adapter that understands instructions. A killed run goes on where it stopped.",
+        description="Fit a LoRA adapter that understands instructions. A killed run continues where it stopped.",
     )
     parser.add_argument("--base", default=PACKAGED, help="hub name, folder, GGUF file, smollm2 (default: %(default)s)")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the adapter")
@@ -28,7 +28,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--learning-rate", type=float, default=1e-3, help="default: %(default)s")
     parser.add_argument("--precision", choices=("fp32", "bf16"), default="fp32", help="default: %(default)s")
     parser.add_argument("--seed", type=int, default=0, help="default: %(default)s")
-    parser.add_argument("--start", metavar="DIR", help="go on from this adapter")
+    parser.add_argument("--start", metavar="DIR", help="continue from this adapter")
     said = parser.parse_args(arguments)
     settings = LoraSettings(
         said.base, said.epochs, said.batch, said.rank, said.learning_rate, said.precision, said.seed, said.start

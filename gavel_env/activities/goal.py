@@ -81,7 +81,7 @@ class GoalReader:
         """Return the goal as a condition.
 
         Raises:
-            Ungroundable: it speaks of something that is no object of a graph.
+            Ungroundable: it speaks of something that is not an object of a graph.
         """
         return self._formula(self.goal, {})
 
@@ -138,7 +138,7 @@ class GoalReader:
             elif place in self.scope:
                 args.append(self.scope[place])
             else:
-                raise Ungroundable(f"the goal speaks of {place}, which is no object of a graph")
+                raise Ungroundable(f"the goal speaks of {place}, which is not an object of a graph")
         if args[0] in self.rooms:
             raise Ungroundable(f"the goal is about a floor: {node}")
         if len(args) > 1 and args[1] in self.rooms:

@@ -54,7 +54,7 @@ class ActionCodec:
         """Return the action in the form of the space; a room in its target becomes negative weights of the others.
 
         Raises:
-            BadAction: the target is neither an observed id nor a category, a weight is no weight, or the action has
+            BadAction: the target is neither an observed id nor a category, a weight is not a weight, or the action has
                 `other_than` or `return_when`.
         """
         for name in ("other_than", "return_when"):
@@ -82,7 +82,7 @@ class ActionCodec:
             if is_concept(name):
                 raise BadAction(f"the action space cannot say the concept {name!r}; pass the EnvAction itself to step")
             near = ", ".join(nearest_names(target, [*nodes.node, *self._categories])) or "none"
-            raise BadAction(f"target {target!r} is no observed id and no category; nearest: {near}")
+            raise BadAction(f"target {target!r} is neither an observed id nor a category; nearest: {near}")
         if room:
             fits = nodes.fits_room(Designator(name, room))
             weights[: len(fits)][~fits] = -1.0

@@ -57,7 +57,7 @@ _CONFERS: Mapping[Flag, Callable[[Category], bool]] = {
 
 
 def goal_designators(goal: Goal) -> tuple[Designator, ...]:
-    """Return the things that a goal's literals speak of, each once, in the order written; rooms are no things."""
+    """Return the things that a goal's literals speak of, each once, in the order written; rooms are not things."""
     found: dict[Designator, None] = {}
     for literal in goal.literals:
         found.setdefault(literal.subject)

@@ -57,7 +57,7 @@ class SlotEnv(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     ## Rewards
 
-    The reward of `GavelEnv` (1 for success, -0.01 per metre, -0.1 for what was refused) plus
+    The reward of `GavelEnv` (1 for success, -0.01 per metre, -0.1 for an invalid action) plus
     `shaping * (gamma * Phi(s') - Phi(s))`, with the potential
 
         Phi = -(sum of w(l) over l in unmet(g, G) + number of things to restore) / |g|

@@ -40,7 +40,7 @@ class TextGame(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     `Text`: a command such as `go to fridge_0`, `take apple_0`, `put in fridge_0`; `find apple` goes and looks for one.
     Whatever `parse_action` reads is understood. `look`, `inventory`, `task` and `help` tell something and change
-    nothing; so does a text that is no command, which is answered by the nearest ones.
+    nothing; so does a text that is not a command, which is answered by the nearest ones.
 
     ## Observation Space
 
@@ -152,7 +152,7 @@ class TextGame(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     def _not_understood(self, text: str) -> str:
         near = nearest_commands(text, self.admissible_commands)
         hint = f"Did you mean: {', '.join(near)}?" if near else HELP
-        return f"That is no command: {text.strip()[:60]!r}. {hint}"
+        return f"That is not a command: {text.strip()[:60]!r}. {hint}"
 
     def _info(self, outcome: str, metres: float, instruction: str, *, won: bool) -> dict[str, Any]:
         unmet = len(self._base.judge().unmet)

@@ -205,7 +205,7 @@ def check_scene(scene: Scene, place: str) -> None:
         if piece.room not in rooms:
             raise SceneError(f"{place}: {piece.id} is in room {piece.room!r}; rooms are {', '.join(sorted(rooms))}")
         if piece.on is not None and piece.on not in pieces:
-            raise SceneError(f"{place}: {piece.id} stands on {piece.on!r}, which is no piece of this scene")
+            raise SceneError(f"{place}: {piece.id} stands on {piece.on!r}, which is not a piece of this scene")
     holders = pieces | {i.id for i in scene.items}
     for item in scene.items:
         known = rooms if item.relation == "floor" else holders
@@ -225,7 +225,7 @@ def _check_names(scene: Scene, place: str) -> None:
         for value in (name, kind):
             if not _NAME.fullmatch(value):
                 wanted = "letters, digits, '_', '-' and '.', at most 100 of them"
-                raise SceneError(f"{place}: {value[:80]!r} is no name of a room or an object; expected {wanted}")
+                raise SceneError(f"{place}: {value[:80]!r} cannot name a room or an object; expected {wanted}")
         if name == "robot":
             raise SceneError(f"{place}: 'robot' is the robot's own id")
 

@@ -80,7 +80,7 @@ def _spoken(key: _Key, index: int) -> Spoken:
 
 
 def goal_designators(goal: Goal) -> tuple[Designator, ...]:
-    """Return every object designator of a goal once, in order; rooms are no objects."""
+    """Return every object designator of a goal once, in order; rooms are not objects."""
     found: dict[Designator, None] = {}
     for literal in goal.literals:
         found[literal.subject] = None

@@ -27,7 +27,7 @@ def check_search_prior(floor: FloorMap, prior: Mapping[str, float]) -> None:
     """Check the weights of a search prior.
 
     Raises:
-        UnknownObject: a key is no room of the scene.
+        UnknownObject: a key is not a room of the scene.
         BadSearchPrior: a weight is negative, infinite or not a number.
     """
     for room, weight in prior.items():

@@ -327,7 +327,7 @@ def _check(place: str, concepts: Mapping[str, Concept], words: Mapping[str, str]
         if len(concept.members) < 2 and concept.members != (name,):
             raise DataError(f"{place}: the concept {name!r} has fewer than two members")
         if nested := [member for member in (*concept.members, *concept.also) if is_concept(member)]:
-            raise DataError(f"{place}: {name!r} holds the concept {nested[0]!r}; members are no concepts")
+            raise DataError(f"{place}: {name!r} holds the concept {nested[0]!r}; members are not concepts")
     for word, name in words.items():
         if is_concept(name) and name not in concepts:
             raise DataError(f"{place}: the word {word!r} names {name!r}, which is not there")

@@ -73,7 +73,7 @@ _LENGTHS = {"not": 2, "imply": 3, "forall": 3, "exists": 3, "forn": 4, "forpairs
 
 def _formula(expression: Expression) -> Formula:
     if isinstance(expression, str) or not expression or not isinstance(expression[0], str):
-        raise MalformedGoal(f"{_shown(expression)!r} is no condition; write (predicate place ...)")
+        raise MalformedGoal(f"{_shown(expression)!r} is not a condition; write (predicate place ...)")
     head = expression[0]
     rest = expression[1:]
     if head in _LENGTHS and len(expression) != _LENGTHS[head]:

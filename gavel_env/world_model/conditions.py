@@ -4,7 +4,7 @@ A condition has two forms. The text form (`condition_text`) is BDDL's, with the 
 place of its type: `(forall (?x apple_0 apple_1) (exists (?y bottom_cabinet@kitchen) (inside ?x ?y)))`. The JSON form
 is the same tree as tagged objects, decoded by msgspec into the frozen structs below:
 `{"is":"forall","variable":"?x","domain":[...],"body":{...}}`.
-Members of a domain, and places of an atom that are no variables, are designators: any instance that fits one counts.
+Members of a domain, and places of an atom that are not variables, are designators: any instance that fits one counts.
 
 The meanings are those of bddl 3.6.0: `forn` holds if exactly `count` members do, `forpairs` if at least as many members
 of each domain as the smaller one has are in some pair.

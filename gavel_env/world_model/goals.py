@@ -189,7 +189,9 @@ def parse_literal(text: str) -> Literal:
         raise MalformedGoal(f"goal literal {text!r} is not text")
     match = _LITERAL.match(text)
     if match is None or not match.group(3).strip() or not (match.group(4) or "x").strip():
-        raise MalformedGoal(f"goal {text[:80]!r} is no literal; write predicate(subject) or predicate(subject, object)")
+        raise MalformedGoal(
+            f"goal {text[:80]!r} is not a literal; write predicate(subject) or predicate(subject, object)"
+        )
     negation, name, subject, second = match.groups()
     predicate = PREDICATES.get(name.lower())
     if predicate is None:

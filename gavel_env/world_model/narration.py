@@ -50,7 +50,7 @@ _SHOWN = (Flag.TOGGLED, Flag.COOKED, Flag.WASHED, Flag.DRIED, Flag.HOT, Flag.FRO
 
 
 def reason(violation: Violation) -> str:
-    """Return why an action is refused, in words."""
+    """Return why an action is invalid, in words."""
     if violation.kind is PRECONDITION:
         return f"it needs {violation.blocker}"
     return REASONS[violation.kind].format(x=violation.subject, blocker=violation.blocker)

@@ -241,7 +241,7 @@ def _check(categories: tuple[Category, ...], place: str) -> None:
     for category in categories:
         name = category.name
         if not _NAME.fullmatch(name) or name == "robot":
-            raise DataError(f"{place}: {name[:80]!r} is no name of a category; expected small letters, digits and '_'")
+            raise DataError(f"{place}: {name[:80]!r} cannot name a category; expected small letters, digits and '_'")
         if name in seen:
             raise DataError(f"{place}: the category {name!r} stands twice")
         seen.add(name)

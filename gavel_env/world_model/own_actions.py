@@ -167,7 +167,7 @@ def own_state(name: str) -> Flag:
 
 
 def register_action(action: OwnAction) -> Primitive:
-    """Add an action to the table, for this process; the same one again is no change.
+    """Add an action to the table, for this process; the same one again is not a change.
 
     Raises:
         BadOwnAction: its name is taken or cannot be written, or it speaks of a check, state or parameter that is not

@@ -363,7 +363,7 @@ def export_pddl(graph: SceneGraph, profile: Profile = Profile.PAPER) -> PddlTask
     """
     for name in (*graph.world.nodes, *graph.world.rooms):
         if not _NAME.fullmatch(name) or _SEPARATOR in name or _ARGUMENTS in name or name in (_NOWHERE, _START):
-            raise PddlNameError(f"{name!r} is no PDDL name; names match {_NAME.pattern} without {_SEPARATOR!r}")
+            raise PddlNameError(f"{name!r} is not a PDDL name; names match {_NAME.pattern} without {_SEPARATOR!r}")
     s = _Structure(graph)
     hand = [_EMPTY] if profile is Profile.OMNIGIBSON else []
     operators = [

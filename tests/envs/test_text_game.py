@@ -1,4 +1,4 @@
-"""The text game: commands, answers, score; and texts that are no actions."""
+"""The text game: commands, answers, score; and texts that are not actions."""
 
 from __future__ import annotations
 

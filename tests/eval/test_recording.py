@@ -180,4 +180,4 @@ def test_the_command_records_what_the_command_replays(
     assert {r.outcome for r in read_records([tmp_path / "run"]).records.values()} & {"error", "rejected"} == set()
     with pytest.raises(SystemExit):
         main(["record", "--planner", SIMULATED, "--out", out, "--threads", "0"])
-    assert "'0' is no whole number above 0" in capsys.readouterr().err
+    assert "'0' is not a whole number above 0" in capsys.readouterr().err

@@ -135,7 +135,7 @@ def test_another_plan_is_checked_against_the_sentence() -> None:
             [MUG, "--scene", "Wainscott_1_int"],
             "Wainscott_1_int has no dishwasher; houses that have one: Beechwood_0_int",
         ),
-        ([MUG, "--place", "mug"], "is no place; write THING on PLACE"),
+        ([MUG, "--place", "mug"], "is not a place; write THING on PLACE"),
         ([MUG, "--place", "mgu on desk"], "'mgu' is unknown"),
         ([MUG, "--place", "sofa on desk"], "'sofa' is not carried about"),
         ([MUG, "--place", "mug on fridgee"], "the house has no 'fridgee'; near to it: fridge"),
@@ -286,14 +286,14 @@ def test_what_the_house_lacks_is_said() -> None:
         staged("on_top(mug, pool_table)", scene="Rs_int")
     with pytest.raises(NotInHouse, match="has no sofa to put anything in"):
         staged("on_top(mug, desk)", said=("inside(mug, sofa)",))
-    with pytest.raises(BadPlacement, match="is no place"):
+    with pytest.raises(BadPlacement, match="is not a place"):
         staged("inside(mug, dishwasher)", places=("mug",))
 
 
 def test_what_goes_without_saying_is_filled_in_and_said() -> None:
     dish, cloth = staged("washed(plate)"), staged("washed(t_shirt)")
     assert "dishwasher" in map(str, dish.tasks[0].objects)
-    assert dish.notes == ("what it shall be washed in is not said: the dishwasher is taken",)
+    assert dish.notes == ("no appliance is named for it to be washed in: the dishwasher is used",)
     assert {"washer"} <= set(map(str, cloth.tasks[0].objects))
     named = staged("washed(plate)", objects=("plate", "washer"))
     assert not named.notes

@@ -332,10 +332,10 @@ def test_broken_folders_are_refused(folder: Folder, damage: Callable[[Folder], N
 
 
 def test_missing_or_corrupt_files_are_named(folder: Folder) -> None:
-    with pytest.raises(SceneError, match=r"nowhere is no folder; expected an OmniGibson scene folder"):
+    with pytest.raises(SceneError, match=r"nowhere is not a folder; expected an OmniGibson scene folder"):
         import_scene(folder.root / "nowhere")
     path = folder.write()
-    with pytest.raises(SceneError, match=r"no_objects is no folder"):
+    with pytest.raises(SceneError, match=r"no_objects is not a folder"):
         import_scene(path, folder.root / "no_objects")
     objects = write_metadata(folder.root, "bed", "other", bbox_size=[1, 1, 1])
     with pytest.raises(
@@ -343,7 +343,7 @@ def test_missing_or_corrupt_files_are_named(folder: Folder) -> None:
     ):
         import_scene(path, objects)
     (path / "layout" / "floor_insseg_0.png").write_bytes(b"no picture")
-    with pytest.raises(SceneError, match=r"floor_insseg_0.png is no readable PNG"):
+    with pytest.raises(SceneError, match=r"floor_insseg_0.png is not a readable PNG"):
         import_scene(path)
     (path / "json" / "Tiny_int_best.json").unlink()
     with pytest.raises(SceneError, match=r"Tiny_int_best.json cannot be read: No such file"):

@@ -136,7 +136,7 @@ def test_what_is_no_model_is_said(tmp_path: Path) -> None:
 
 
 def test_a_prompt_longer_than_the_context_is_refused(model: GgufModel) -> None:
-    with pytest.raises(DataError, match=r"refused the prompt.*context size"):
+    with pytest.raises(DataError, match=r"rejected the prompt.*context size"):
         model.complete([TOO_LONG])
 
 
@@ -194,7 +194,7 @@ def test_a_constrained_server_begins_a_plan_whatever_is_asked(server: TinyServer
     ("path", "key", "prompt", "says"),
     [
         ("/v7", KEY, POEM, "no such model or address"),
-        ("/v1", "sk-wrong-0123456789", POEM, "the key in OPENAI_API_KEY was refused"),
+        ("/v1", "sk-wrong-0123456789", POEM, "the key in OPENAI_API_KEY was rejected"),
         ("/v1", KEY, TOO_LONG, r"HTTP 400: .*context size"),
     ],
     ids=["path", "key", "length"],

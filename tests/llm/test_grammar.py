@@ -1,4 +1,4 @@
-"""The grammar of plans in both forms: it takes every certified plan, and nothing that is no plan."""
+"""The grammar of plans in both forms: it takes every certified plan, and nothing that is not a plan."""
 
 from __future__ import annotations
 

@@ -88,8 +88,8 @@ def test_a_fault_that_stays_is_reported(kind: str, fault: str) -> None:
 @pytest.mark.parametrize(
     ("fault", "says"),
     [
-        ("401", "the key in {KIND}_API_KEY was refused"),
-        ("403", "the key in {KIND}_API_KEY was refused"),
+        ("401", "the key in {KIND}_API_KEY was rejected"),
+        ("403", "the key in {KIND}_API_KEY was rejected"),
         ("404", "no such model or address: fault 404"),
         ("400", "HTTP 400: fault 400"),
     ],

@@ -22,7 +22,7 @@ def test_options_stand_behind_the_source() -> None:
     ("argument", "said"),
     [
         ("m?sluts=4", r"unknown option 'sluts' in gguf:m\?sluts=4; known: slots, constrained, quantize"),
-        ("m?slots=0", "slots is '0', no whole number above 0"),
+        ("m?slots=0", "slots is '0', not a whole number above 0"),
         ("m?slots=few", "slots is 'few'"),
         ("m?constrained=yes", "constrained takes no value"),
         ("m?quantize=8bit", "quantize is '8bit'; known: 4bit"),

@@ -67,7 +67,7 @@ def test_floor_wall_paper_and_doorway_stand_where_the_scene_says() -> None:
     assert np.abs(at(picture, 5.2, 2.2) - floor_of("bathroom").colour).max() < 25
     assert np.abs(at(picture, 4.05, 0.5) - WALL).max() < 10, "wall between the rooms"
     assert np.abs(at(picture, 2.0, -0.05) - WALL).max() < 10, "outer wall"
-    assert at(picture, 4.05, 1.4).min() > 180, "the doorway is no wall"
+    assert at(picture, 4.05, 1.4).min() > 180, "the doorway is not a wall"
     assert tuple(picture.background[2, 2]) == PAPER
 
 

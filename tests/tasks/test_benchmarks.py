@@ -144,7 +144,7 @@ def literal_pairs(target: Mapping[str, Any]) -> list[set[str]]:
     found = []
     for text in (*target["goal"], *target["relations"]):
         if text.startswith("in_room"):
-            continue  # a room is no object, though a bar is both
+            continue  # a room is not an object, though a bar is both
         names = {Designator.parse(part).name for part in text.split("(", 1)[1].rstrip(")").split(",")}
         found.append(names & known)
     return found

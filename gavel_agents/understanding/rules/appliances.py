@@ -65,7 +65,7 @@ def process(discourse: Discourse, act: Act) -> None:
     if not flags:
         flags = [_cycle(discourse, e.what) for e in frame.elements if isinstance(e, Cycle)]
     if not flags:
-        raise Abstention("unparsed", f"what shall be done with the {said(things[0])}?")
+        raise Abstention("unparsed", f"what should be done with the {said(things[0])}?")
     for thing in things:
         holder = discourse.wished[thing].holder if thing in discourse.wished else None
         if thing in discourse.brought and isinstance(holder, Entity) and process_flag(holder) in flags:
@@ -164,7 +164,7 @@ def run(discourse: Discourse, act: Act) -> None:
         act.mentions.append(switch)
         act.goals.append(Literal(Predicate.TOGGLED, designator_of(switch), None, off))
     if not act.goals:
-        raise Abstention("no_antecedent", f"what shall be switched {'off' if off else 'on'}?")
+        raise Abstention("no_antecedent", f"what should be switched {'off' if off else 'on'}?")
 
 
 def _run_filled(discourse: Discourse, act: Act) -> None:

@@ -216,7 +216,7 @@ class NounPhrases(Cabinets):
         return self.named_room(room)
 
     def compound(self, unknown: Unknown) -> None:
-        """Put `mug rack`, which is no mug, in the place of the noun that was taken."""
+        """Put `mug rack`, which is not a mug, in the place of the noun that was taken."""
         elements = self.frame.elements
         last = elements[-1] if elements else None
         if isinstance(last, Phrase):

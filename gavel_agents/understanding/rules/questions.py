@@ -35,14 +35,14 @@ def asked_meaning(words: str) -> Abstention:
 def asked_where(thing: Entity) -> Abstention:
     """Return the refusal of what does not say where a thing shall go."""
     name = spoken(thing)
-    question = Question(f"where:{name}", f"Where shall the {name} go?", name)
-    return Abstention("no_destination", f"where shall the {name} go?", question)
+    question = Question(f"where:{name}", f"Where should the {name} go?", name)
+    return Abstention("no_destination", f"where should the {name} go?", question)
 
 
 def asked_what(thing: Entity) -> Abstention:
     """Return the refusal of what names a thing and does not say what shall become of it."""
     name = spoken(thing)
-    question = Question(f"what:{name}", f"What shall be done with the {name}?", name, ("nothing",))
+    question = Question(f"what:{name}", f"What should be done with the {name}?", name, ("nothing",))
     return Abstention("unparsed", f"nothing is asked for with {name!r}", question)
 
 
@@ -60,7 +60,7 @@ def asked_which_of(words: str, many: int) -> Abstention:
 
 def asked_end(thing: str, places: Sequence[str], detail: str) -> Abstention:
     """Return the refusal of what says that a thing shall be in two places."""
-    question = Question(f"end:{thing}", f"Where shall the {thing} be in the end?", thing, tuple(places))
+    question = Question(f"end:{thing}", f"Where should the {thing} end up?", thing, tuple(places))
     return Abstention("contradiction", detail, question)
 
 

@@ -86,7 +86,7 @@ def _read(text: str, house: Counter[str] | None, answers: Mapping[str, str]) -> 
     stated = [literal for task in tasks for literal in task.relations]
     asked = [literal for task in tasks for literal in task.goal.literals]
     check_possible([lit for lit in stated if not _ONE_OF_SEVERAL.search(lit.subject.name)], "is said to be")
-    check_possible(asked, "shall be")
+    check_possible(asked, "should be")
     check_capable(asked)
     forbidden = _FORBIDDING.search(text)
     if forbidden is not None:
@@ -166,7 +166,7 @@ def _check_complete(discourse: Discourse, tasks: Sequence[TaskUnderstanding]) ->
     """Refuse what names a thing and then asks for nothing about it: something was not understood.
 
     Raises:
-        Abstention: `unparsed`, with the question what shall be done with it.
+        Abstention: `unparsed`, with the question what should be done with it.
     """
     asked = {d.name for task in tasks for literal in task.goal.literals for d in _named(literal)}
     told = {d.name for task in tasks for literal in task.relations for d in _named(literal)}

@@ -99,14 +99,14 @@ def one_end(tasks: Sequence[TaskUnderstanding], answers: Mapping[str, str]) -> t
     for subject, literals in places.items():
         if subject in rooms:
             raise asked_instead(
-                "contradiction", f"the {_words(subject)} shall be in a room and at {literals[0].object}"
+                "contradiction", f"the {_words(subject)} should be in a room and at {literals[0].object}"
             )
         if len(literals) < 2:
             continue
         why = asked_end(
             _words(subject),
             [_words(literal.object) for literal in literals if literal.object],
-            f"the {_words(subject)} shall be both at {literals[0].object} and at {literals[1].object}",
+            f"the {_words(subject)} should be both at {literals[0].object} and at {literals[1].object}",
         )
         said = answers.get(why.question.key, "").lower() if why.question else ""
         meant = [literal for literal in literals if literal.object and _words(literal.object) in said]

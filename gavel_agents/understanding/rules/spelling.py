@@ -55,7 +55,7 @@ class Speller:
         return tuple(known for steps, known in near if steps == near[0][0])
 
     def split(self, word: str) -> tuple[str, str] | None:
-        """Return the two known words that were written as one (`livingroom`), if it is no word itself."""
+        """Return the two known words that were written as one (`livingroom`), if it is not a word itself."""
         if word in self._words or len(word) < 7:
             return None
         for cut in range(3, len(word) - 2):

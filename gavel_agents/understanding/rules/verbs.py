@@ -198,7 +198,7 @@ def _move(discourse: Discourse, act: Act) -> None:
         if len(groups) == 1 and groups[0].going and not frame.of(Pronoun):
             discourse.offered = groups[0].going[-1]  # three things have to be on the desk: ...
             return
-        raise Abstention("no_antecedent", f"what shall be {frame.word or 'moved'}?")
+        raise Abstention("no_antecedent", f"what should be {frame.word or 'moved'}?")
     if not frame.verb and not any(p.directional for g in groups for p in g.going):
         for group in groups:
             if group.things and group.going and all(isinstance(p.target, Room) for p in group.going):
@@ -349,7 +349,7 @@ def _go_for(discourse: Discourse, act: Act) -> None:
     if not things:
         going = [p for p in phrases if p.preposition == "to" and discourse.following is not None]
         if not going:
-            raise Abstention("unparsed", "going somewhere is nothing that shall be")
+            raise Abstention("unparsed", "going somewhere is not a goal")
         discourse.visited = going[-1]
         return
     for phrase in phrases:

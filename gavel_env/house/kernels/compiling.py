@@ -59,7 +59,7 @@ def _cache_elsewhere() -> bool:
     except OSError:
         pass
     warnings.warn(
-        "no folder can be written to, so kernels are compiled anew in every process (some seconds); "
+        "no folder can be written to, so kernels are compiled in every process (some seconds); "
         "set NUMBA_CACHE_DIR to a folder that can",
         RuntimeWarning,
         stacklevel=2,
@@ -68,7 +68,7 @@ def _cache_elsewhere() -> bool:
 
 
 class _Announcement(Listener):
-    """Says once per process that kernels are being compiled; loading them from the cache is no news."""
+    """Says once per process that kernels are being compiled; loading them from the cache is not news."""
 
     said = False
 

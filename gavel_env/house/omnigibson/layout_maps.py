@@ -102,7 +102,7 @@ def read_layout(folder: Path, named_rooms: frozenset[str], room_categories: Path
 def _read_map(path: Path) -> NDArray[np.uint8]:
     content = read_bytes(path, "layout map", SceneError, most=_MOST_MAP_BYTES)
     if content[:8] != _PNG or content[12:16] != b"IHDR" or len(content) < _IHDR.size + 16:
-        raise SceneError(f"{path} is no readable PNG")
+        raise SceneError(f"{path} is not a readable PNG")
     width, height, bits = _IHDR.unpack_from(content, 16)
     if max(width, height) > _MOST_PIXELS_A_SIDE or bits > 8:
         limit = f"at most {_MOST_PIXELS_A_SIDE} pixels a side, of 8 bits"
@@ -110,9 +110,9 @@ def _read_map(path: Path) -> NDArray[np.uint8]:
     try:
         image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
-        raise SceneError(f"{path} is no readable PNG: {error}") from error
+        raise SceneError(f"{path} is not a readable PNG: {error}") from error
     if image is None:
-        raise SceneError(f"{path} is no readable PNG")
+        raise SceneError(f"{path} is not a readable PNG")
     if image.ndim == 3 and all((image[..., 0] == image[..., channel]).all() for channel in (1, 2)):
         image = image[..., 0]
     if image.ndim != 2 or image.dtype != np.uint8:
@@ -135,7 +135,7 @@ def _category_names(path: Path) -> list[str]:
     try:
         return read_bytes(path, "room categories", SceneError, most=1 << 20).decode().split()
     except UnicodeDecodeError as error:
-        raise SceneError(f"room categories {path} are no UTF-8: {error}") from error
+        raise SceneError(f"room categories {path} are not UTF-8: {error}") from error
 
 
 def _room_types(

@@ -72,9 +72,9 @@ def import_scene(path: Path, objects: Path | None = None, ontology: Ontology | N
     """
     ontology = ontology or default_ontology()
     if not path.is_dir():
-        raise SceneError(f"{path} is no folder; expected an OmniGibson scene folder with `layout` and `json`")
+        raise SceneError(f"{path} is not a folder; expected an OmniGibson scene folder with `layout` and `json`")
     if objects is not None and not objects.is_dir():
-        raise SceneError(f"{objects} is no folder; expected the data set's `objects` folder")
+        raise SceneError(f"{objects} is not a folder; expected the data set's `objects` folder")
     name = path.resolve().name
     source = read_objects(path / "json" / f"{name}_best.json")
     categories = path.resolve().parent.parent / "metadata" / "room_categories.txt"
