@@ -80,9 +80,9 @@ assert info["success"]
 END = """
 ## What is hidden stays hidden
 
-Before something is observed it has no id, no node and no position: no observation, no `info` and no public
-attribute leads to it (`tests/test_leaks.py` walks them). An id that exists but was not observed is answered
-exactly like one that does not exist. Pictures (`render_mode="rgb_array"`) are for people: they show the whole house, unseen floor
+Before something is observed it has no id, no node and no position: no observation, no `info` and no public attribute
+leads to it (`tests/test_leaks.py` walks them). An id that exists but was not observed is answered exactly like one
+that does not exist. Pictures (`render_mode="rgb_array"`) are for people: they show the whole house, unseen floor
 dimmed. Three methods of `env.unwrapped` show the hidden state. Only the oracle among the agents may call them:
 
 | method | for |

@@ -25,7 +25,7 @@ def register(subparsers: Any) -> None:
         nargs="?",
         const="multi",
         metavar="NAME",
-        help="instead: movables whose place the text does not say, of a shipped or own instruction file (default: multi)",
+        help="instead: movables whose place the text does not say, of an instruction file (default: multi)",
     )
     command.add_argument("--weights", type=Path, metavar="DIR", help="other weights than the shipped ones")
     command.set_defaults(run=_run)

@@ -105,13 +105,13 @@ class GavelEnv(gym.Env[Observation, Any]):
 
     ## Rewards
 
-    `success * [succeeded] - metre * metres - violation * [refused]`; weights: `RewardWeights`, by default 1, 0.01, 0.1.
+    `success * [succeeded] - metre * metres - violation * [invalid]`; weights: `RewardWeights`, by default 1, 0.01, 0.1.
 
     ## Episode End
 
     Terminated when the instruction is carried out (`terminate_on_success`): every goal literal holds in the hidden
     world, doors that were opened are shut, safety-critical appliances that were switched on are off. Terminated by a
-    refused action with `on_violation="terminate"`; with `"noop"` a refused action changes nothing and costs reward.
+    invalid action with `on_violation="terminate"`; with `"noop"` an invalid action changes nothing and costs reward.
     Truncated after 200 steps (500 for several tasks), by Gymnasium's `TimeLimit`.
 
     ## Information
@@ -139,7 +139,7 @@ class GavelEnv(gym.Env[Observation, Any]):
         terminate_on_success: end as soon as the instruction is carried out; False: go on, and ask `judge()` at the end.
         reward: fields of `RewardWeights` that differ from the default.
         observation: "graph" or "symbolic".
-        max_nodes: most nodes of the graph; larger scenes are refused at `reset`. Default: 512, or as many times its
+        max_nodes: most nodes of the graph; larger scenes are an error at `reset`. Default: 512, or as many times its
             double as the largest of the instructions' scenes needs.
         render_mode: "rgb_array" (the house from above) or "ansi" (a text).
 

@@ -8,12 +8,12 @@ __all__ = ["RewardWeights"]
 
 
 class RewardWeights(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Weights of the reward: `success * [succeeded] - metre * metres driven - violation * [refused]`.
+    """Weights of the reward: `success * [succeeded] - metre * metres driven - violation * [invalid]`.
 
     Attributes:
         success: paid once, in the step that ends the episode successfully.
         metre: taken per metre driven.
-        violation: taken for a refused action.
+        violation: taken for an invalid action.
     """
 
     success: float = 1.0

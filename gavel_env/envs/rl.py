@@ -69,8 +69,8 @@ class SlotEnv(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     ## Episode End
 
-    Terminated when the instruction is carried out, truncated after `max_steps`. A refused action (geometry alone can
-    refuse what the mask allows) changes nothing.
+    Terminated when the instruction is carried out, truncated after `max_steps`. An invalid action (geometry alone can
+    rule out what the mask allows) changes nothing.
 
     ## Information
 

@@ -34,7 +34,7 @@ class TextGame(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     ## Description
 
     `reset` returns what one sees as a text, `step` takes a command and returns what came of it. Make the environment
-    with `on_violation="noop"`: otherwise the first command that the world refuses ends the game.
+    with `on_violation="noop"`: otherwise the first invalid command ends the game.
 
     ## Action Space
 

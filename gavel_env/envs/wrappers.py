@@ -36,7 +36,7 @@ def _base(env: gym.Env[Any, Any]) -> GavelEnv:
 class TextActions(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     """Takes actions as text: `NAVIGATE_TO(fridge)`, or whatever else `parse_action` reads.
 
-    A text that is not an action is invalid like one on an unknown object; `info["refusal"]` then says what is wrong with
+    A text that is not an action is invalid like one on an unknown object; `info["refusal"]` says what is wrong with
     it, and `info["nearest_commands"]` which commands look like it.
     """
 
