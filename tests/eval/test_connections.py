@@ -120,7 +120,7 @@ def test_a_limit_of_cost_needs_a_price(few: InstructionSet, tmp_path: Path) -> N
 
 def test_an_endpoint_that_does_not_answer_is_said_before_anything_runs(few: InstructionSet, tmp_path: Path) -> None:
     with plan_server(few.values(), dies_after=0) as server:
-        with pytest.raises(EndpointError, match="refused"):
+        with pytest.raises(EndpointError, match="rejected"):
             run(planned(few, server), tmp_path)
         assert server.calls == 1
     assert not (tmp_path / "records.jsonl").exists()

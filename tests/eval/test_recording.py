@@ -164,7 +164,7 @@ def test_after_an_error_nothing_more_is_begun(
 
 def test_an_agent_that_asks_no_model_cannot_be_recorded(few: InstructionSet, tmp_path: Path) -> None:
     for agent in ("epog", "oracle"):
-        with pytest.raises(DataError, match=f"'{agent}' is none of .* gavel-basic, .*, sayplan"):
+        with pytest.raises(DataError, match=f"'{agent}' is not one of .* gavel-basic, .*, sayplan"):
             recorded(Counted(), few, tmp_path / "none.jsonl.gz", (agent,))
 
 
