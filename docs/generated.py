@@ -111,8 +111,8 @@ def actions_page() -> str:
 
 What the nine primitives need and do. The table is made from the rules that the hidden world and the agents' world
 model share (`gavel_env.world_model.dynamics.RULES`), in the order in which violations are reported; each
-precondition is followed by the kind of its violation. An action whose preconditions do not hold is *invalid* and changes
-nothing.
+precondition is followed by the kind of its violation. An action whose preconditions do not hold is *invalid* and
+changes nothing.
 
 | action | needs | does |
 |---|---|---|

@@ -135,7 +135,7 @@ def test_an_endpoint_that_goes_away_ends_the_run_and_resuming_completes_it(
         options = ["--sample", "12", "--connections", str(connections), "--format", "csv", "--quiet"]
         assert main([*spec, *options, "--out", str(tmp_path)]) == 1
         shown = capsys.readouterr()
-        assert "5 episodes in a row found no endpoint" in shown.err
+        assert "5 episodes in a row failed to reach the model" in shown.err
         assert f"--out {tmp_path} --resume" in shown.err
         done = read_records([tmp_path]).records
         assert {record.outcome for record in done.values()} == {"success"}
