@@ -25,8 +25,8 @@ class TaskTrace(msgspec.Struct, kw_only=True):
         proposed_verdict: "valid", or the first thing that is wrong with the proposal before any repair.
         plan: the plan after repair; what is executed.
         edits: what repair did, one line per edit.
-        verdict: "valid", or the first thing that is wrong with `plan`. After it, in brackets, what of the answer looked
-            like a step and could not be read; see `says_valid`.
+        verdict: "valid", or the first thing that is wrong with `plan`. After it, in brackets, that the answer
+            was cut and what of it looked like a step and could not be read; see `says_valid`.
         unread: those pieces of the answer.
     """
 
@@ -60,6 +60,7 @@ class AgentTrace(msgspec.Struct, kw_only=True):
         prompt_tokens, completion_tokens: totals over the attempts.
         prompts: SHA-256 (16 digits) of every prompt.
         completions: the raw answers. A run moves them to its conversations, where the record's `calls` lead.
+        cut: attempts, from 0, whose answer the backend cut (at the most tokens, or by a content filter).
         stopped: why the agent ended early, or empty.
     """
 
@@ -73,6 +74,7 @@ class AgentTrace(msgspec.Struct, kw_only=True):
     completion_tokens: int = 0
     prompts: list[str] = []
     completions: list[str] = []
+    cut: list[int] = []
     stopped: str = ""
 
 

@@ -171,6 +171,8 @@ class ReActAgent:
 
     def _note(self, prompt: Prompt, completion: Completion) -> None:
         trace = self.trace
+        if completion.cut:
+            trace.cut.append(trace.attempts)
         trace.attempts += 1
         trace.seconds["plan"] = trace.seconds.get("plan", 0.0) + completion.seconds
         trace.prompt_tokens += completion.prompt_tokens

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from gavel_agents.llm.bounded import bounded_client
-from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt
+from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, finish_reason
 from gavel_agents.llm.service import CHECK, MalformedAnswer, Retries, complete_all, endpoint_of, key_of, retried
 
 __all__ = ["AnthropicModel"]
@@ -107,4 +107,5 @@ class AnthropicModel:
             int(getattr(usage, "input_tokens", 0) or 0),
             int(getattr(usage, "output_tokens", 0) or 0),
             time.perf_counter() - start,
+            finish_reason(getattr(answer, "stop_reason", None)),
         )

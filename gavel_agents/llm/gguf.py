@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from gavel_agents.llm.grammar import json_schema, plan_gbnf
-from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, decoding_of, spec_options
+from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, decoding_of, finish_reason, spec_options
 from gavel_env.errors import DataError
 
 __all__ = ["GgufModel"]
@@ -97,4 +97,5 @@ class GgufModel:
             int(usage.get("prompt_tokens", 0)),
             int(usage.get("completion_tokens", 0)),
             time.perf_counter() - start,
+            finish_reason(answer["choices"][0].get("finish_reason")),
         )

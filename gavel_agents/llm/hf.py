@@ -141,6 +141,7 @@ class HfModel:
                 int(count),
                 self._length(answer.tolist()),
                 seconds,
+                self._finish_reason(answer.tolist()),
             )
             for answer, count in zip(answers, told, strict=True)
         ]
@@ -151,10 +152,16 @@ class HfModel:
 
     def _length(self, answer: list[int]) -> int:
         """Return the tokens of an answer up to and with its end."""
-        end = self._model.generation_config.eos_token_id
-        ends = {end} if isinstance(end, int) else set(end or ())
-        stop = next((i for i, token in enumerate(answer) if token in ends), len(answer) - 1)
+        stop = next((i for i, token in enumerate(answer) if token in self._ends), len(answer) - 1)
         return stop + 1
+
+    def _finish_reason(self, answer: list[int]) -> str:
+        return "stop" if self._ends.intersection(answer) else "length"
+
+    @property
+    def _ends(self) -> set[int]:
+        end = self._model.generation_config.eos_token_id
+        return {end} if isinstance(end, int) else set(end or ())
 
 
 def _adapted(model: Any, adapter: str, *, in_4_bits: bool) -> Any:

@@ -26,6 +26,7 @@ __all__ = [
     "PlanningProblem",
     "Prompt",
     "decoding_of",
+    "finish_reason",
     "load_model",
     "model_kinds",
     "spec_options",
@@ -77,12 +78,43 @@ class Prompt(msgspec.Struct, frozen=True):
 
 
 class Completion(msgspec.Struct, frozen=True):
-    """What a model answered, and what it took."""
+    """What a model answered, and what it took.
+
+    Attributes:
+        text: the answer.
+        prompt_tokens, completion_tokens: as the backend counted them.
+        seconds: what it took.
+        finish_reason: how the answer ended: "stop", "length" (cut at the most tokens), "filter" (cut by a content
+            filter), or empty where the backend does not say.
+    """
 
     text: str
     prompt_tokens: int = 0
     completion_tokens: int = 0
     seconds: float = 0.0
+    finish_reason: str = ""
+
+    @property
+    def cut(self) -> bool:
+        """Whether the backend says that the answer is not whole."""
+        return self.finish_reason in ("length", "filter")
+
+
+_FINISH_REASONS = {
+    "stop": "stop",
+    "end_turn": "stop",
+    "stop_sequence": "stop",
+    "length": "length",
+    "max_tokens": "length",
+    "model_context_window_exceeded": "length",
+    "content_filter": "filter",
+    "refusal": "filter",
+}
+
+
+def finish_reason(said: object) -> str:
+    """Return how an answer ended from what a backend calls it; empty for what is not known."""
+    return _FINISH_REASONS.get(said, "") if isinstance(said, str) else ""
 
 
 class ChatModel(Protocol):

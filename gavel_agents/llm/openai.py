@@ -9,7 +9,7 @@ from typing import Any
 
 from gavel_agents.llm.bounded import bounded_client
 from gavel_agents.llm.grammar import json_schema, plan_schema
-from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, decoding_of, spec_options
+from gavel_agents.llm.interface import BadPlannerSpec, Completion, Prompt, decoding_of, finish_reason, spec_options
 from gavel_agents.llm.service import CHECK, MalformedAnswer, Retries, complete_all, endpoint_of, key_of, retried
 from gavel_agents.llm.thinking import without_thinking
 
@@ -133,7 +133,8 @@ class OpenAIModel:
             decoding.pop("seed", None)
         answer = self._create(model=self._endpoint.model, messages=messages, **decoding, **held, **self._extra)
         choices = getattr(answer, "choices", None)
-        message = getattr(choices[0], "message", None) if isinstance(choices, list) and choices else None
+        choice = choices[0] if isinstance(choices, list) and choices else None
+        message = getattr(choice, "message", None)
         text = getattr(message, "content", None)
         if not isinstance(text, str):
             raise MalformedAnswer(f"{str(answer)[:80]!r} has no message")
@@ -143,4 +144,5 @@ class OpenAIModel:
             int(getattr(usage, "prompt_tokens", 0) or 0),
             int(getattr(usage, "completion_tokens", 0) or 0),
             time.perf_counter() - start,
+            finish_reason(getattr(choice, "finish_reason", None)),
         )

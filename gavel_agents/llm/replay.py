@@ -50,6 +50,7 @@ class Recorded(msgspec.Struct, frozen=True, omit_defaults=True):
         text: the raw answer.
         prompt_tokens, completion_tokens: as the backend counted them.
         seconds: as measured when it was recorded.
+        finish_reason: how the answer ended, where the backend said so.
     """
 
     key: str
@@ -62,6 +63,17 @@ class Recorded(msgspec.Struct, frozen=True, omit_defaults=True):
     seconds: float
     instruction_id: str = ""
     instruction: str = ""
+    finish_reason: str = ""
+
+
+def _completion(recorded: Recorded) -> Completion:
+    return Completion(
+        recorded.text,
+        recorded.prompt_tokens,
+        recorded.completion_tokens,
+        recorded.seconds,
+        recorded.finish_reason,
+    )
 
 
 def completion_key(
@@ -181,7 +193,7 @@ class ReplayModel:
                 f"attempt {prompt.attempt} of instruction {prompt.about.text[:80]!r} (prompt {key}) is not in "
                 f"{Path(self._path).name}; record it with: gavel record --planner gguf:MODEL.gguf --out {self._path}"
             )
-        return Completion(recorded.text, recorded.prompt_tokens, recorded.completion_tokens, recorded.seconds)
+        return _completion(recorded)
 
 
 class RecordingModel:
@@ -233,6 +245,7 @@ class RecordingModel:
                 answer.completion_tokens,
                 round(answer.seconds, 3),
                 instruction=sayable(prompt.about.text),
+                finish_reason=answer.finish_reason,
             )
             for (key, prompt), answer in zip(missing.items(), answers, strict=True)
         }
@@ -241,7 +254,7 @@ class RecordingModel:
                 self._file.append(_packed(new.values()))
                 self._known.update(new)
             known = [self._known[key] for key in keys]
-        return [Completion(r.text, r.prompt_tokens, r.completion_tokens, r.seconds) for r in known]
+        return [_completion(recorded) for recorded in known]
 
     def close(self) -> None:
         """Close the recording, which others may then write to."""

@@ -98,6 +98,7 @@ def _judge(
 ) -> Planned:
     """Repair (if the method does) and validate one plan per task; a task without a plan has the empty one."""
     planned = Planned()
+    cut = trace.attempts - 1 in trace.cut
     if trace.tasks:
         trace.earlier.append(trace.tasks)
     trace.tasks = []
@@ -125,10 +126,10 @@ def _judge(
                 objects=tuple(str(designator) for designator in task.objects),
                 relations=tuple(str(relation) for relation in task.relations),
                 proposed=tuple(str(action) for action in proposed),
-                proposed_verdict=_summary(before, unread),
+                proposed_verdict=_summary(before, unread, cut),
                 plan=tuple(str(action) for action in plan),
                 edits=edits,
-                verdict=_summary(verdict, unread),
+                verdict=_summary(verdict, unread, cut),
                 unread=unread,
             )
         )
@@ -137,6 +138,8 @@ def _judge(
 
 def _ask(model: ChatModel, prompt: Prompt, trace: AgentTrace) -> str:
     [completion] = model.complete([prompt])
+    if completion.cut:
+        trace.cut.append(trace.attempts)
     trace.attempts += 1
     trace.seconds["plan"] = trace.seconds.get("plan", 0.0) + completion.seconds
     trace.prompt_tokens += completion.prompt_tokens
@@ -160,10 +163,10 @@ def _quote(plans: Sequence[Plan]) -> str:
     return "\n".join(lines)
 
 
-def _summary(verdict: Verdict, unread: Sequence[str] = ()) -> str:
-    """Return "valid" or the first thing that is wrong, then what of the answer could not be read as a step."""
-    vanished = f" [not read: {'; '.join(unread)}]" if unread else ""
-    return _fault(verdict) + vanished
+def _summary(verdict: Verdict, unread: Sequence[str], cut: bool) -> str:
+    """Return "valid" or the first thing that is wrong, then what the answer lacks: its end, or steps not read."""
+    lacks = [*(["answer cut"] if cut else []), *([f"not read: {'; '.join(unread)}"] if unread else [])]
+    return _fault(verdict) + (f" [{', '.join(lacks)}]" if lacks else "")
 
 
 def _fault(verdict: Verdict) -> str:

@@ -277,11 +277,29 @@ class Says:
 
     name = "says"
 
-    def __init__(self, answer):
+    def __init__(self, answer, finish_reason=""):
         self.answer = answer
+        self.finish_reason = finish_reason
 
     def complete(self, prompts):
-        return [Completion(text=self.answer) for _ in prompts]
+        return [Completion(text=self.answer, finish_reason=self.finish_reason) for _ in prompts]
+
+
+def test_a_cut_answer_is_in_the_trace_and_in_the_verdict():
+    goal = parse_goal("on_top(apple, breakfast_table)")
+    tasks = [TaskUnderstanding("Put the apple on the table.", (), (), goal)]
+    problem = Problem(About("", ()), tasks, kitchen(), {}, navigations, Profile.PAPER)
+    answer = '[["GRASP", "apple_0"], ["PLACE_ON_TOP", "breakfast_table_0"]]'
+    for reason, cut, verdict in (
+        ("", [], "valid"),
+        ("stop", [], "valid"),
+        ("length", [0], "valid [answer cut]"),
+        ("filter", [0], "valid [answer cut]"),
+    ):
+        trace = AgentTrace()
+        proposed_plans(problem, METHODS["llm-only"], Says(answer, reason), trace)
+        assert (trace.cut, trace.tasks[0].verdict) == (cut, verdict)
+        assert says_valid(trace.tasks[0].verdict)
 
 
 def test_a_step_that_vanished_is_in_the_trace_and_in_the_verdict():

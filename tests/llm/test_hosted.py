@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import traceback
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,6 +17,7 @@ from support.faulty_server import Faults, faulty_server
 from gavel_agents.llm import BadPlannerSpec, Message, Prompt, load_model
 from gavel_agents.llm.anthropic import AnthropicModel
 from gavel_agents.llm.openai import OpenAIModel
+from gavel_agents.llm.replay import RecordingModel, ReplayModel
 from gavel_agents.llm.service import ModelError, Retries
 from gavel_env.instructions.lookup import About
 
@@ -56,6 +58,17 @@ def test_completion_with_tokens_and_time(kind: str) -> None:
     assert KEY in server.keys[0]
     assert ("system" in asked) == (kind == "anthropic")
     assert len(asked["messages"]) == (1 if kind == "anthropic" else 2)
+
+
+@pytest.mark.parametrize(("fault", "reason"), [("good", "stop"), ("length", "length"), ("filter", "filter")])
+def test_how_an_answer_ended_is_kept_also_in_a_recording(kind: str, fault: str, reason: str, tmp_path: Path) -> None:
+    path = tmp_path / "r.jsonl.gz"
+    with faulty_server(fault) as server:
+        recording = RecordingModel(model_of(kind, server), path)
+        [completion] = recording.complete([PROMPT])
+        recording.close()
+    assert (completion.finish_reason, completion.cut) == (reason, reason != "stop")
+    assert ReplayModel(str(path)).complete([PROMPT]) == [completion]
 
 
 def test_many_prompts_come_back_in_order(kind: str) -> None:

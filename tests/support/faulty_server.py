@@ -37,7 +37,7 @@ class Faults:
 _STATUS = {"429": 429, "500": 500, "503": 503, "401": 401, "403": 403, "404": 404, "400": 400, "529": 529}
 
 
-def _good(path: str, body: dict[str, Any]) -> dict[str, Any]:
+def _good(path: str, body: dict[str, Any], ended: str) -> dict[str, Any]:
     """Return an answer that repeats the last message, in the service's own form."""
     text = f"echo: {body['messages'][-1]['content']}"
     if path.endswith("/messages"):
@@ -47,11 +47,15 @@ def _good(path: str, body: dict[str, Any]) -> dict[str, Any]:
             "role": "assistant",
             "model": body["model"],
             "content": [{"type": "text", "text": text}],
-            "stop_reason": "end_turn",
+            "stop_reason": {"length": "max_tokens", "filter": "refusal"}.get(ended, "end_turn"),
             "stop_sequence": None,
             "usage": {"input_tokens": 7, "output_tokens": 3},
         }
-    message = {"index": 0, "finish_reason": "stop", "message": {"role": "assistant", "content": text}}
+    message = {
+        "index": 0,
+        "finish_reason": {"length": "length", "filter": "content_filter"}.get(ended, "stop"),
+        "message": {"role": "assistant", "content": text},
+    }
     usage = {"prompt_tokens": 7, "completion_tokens": 3, "total_tokens": 10}
     return {"id": "c", "object": "chat.completion", "created": 0, "model": body["model"], "choices": [message],
             "usage": usage}  # fmt: skip
@@ -97,7 +101,7 @@ def _handler(faults: Faults) -> type[BaseHTTPRequestHandler]:
                 error = {"error": {"message": f"fault {fault}; you sent {key}", "type": "fault"}}
                 self.reply(_STATUS[fault], json.dumps(error).encode())
             else:
-                self.reply(200, json.dumps(_good(self.path, body)).encode())
+                self.reply(200, json.dumps(_good(self.path, body, fault)).encode())
 
         def drip(self) -> None:
             """Send a byte now and then, always before a read would time out."""
