@@ -41,6 +41,11 @@ def bounded_client(sdk: Any, timeout_s: float) -> Any:
         packed = response.headers.get("content-encoding", "identity") != "identity"
         response.stream = Bounded(response.stream, _MOST_PACKED_BYTES if packed else _MOST_BYTES)
 
-    return sdk.DefaultHttpxClient(
-        timeout=timeout_s, headers={"Accept-Encoding": "identity"}, event_hooks={"response": [bound]}
-    )
+    class Client(sdk.DefaultHttpxClient):  # type: ignore[misc]
+        """Closes its connections when it is gone, as the SDK's own default client does."""
+
+        def __del__(self) -> None:
+            if not self.is_closed:
+                self.close()
+
+    return Client(timeout=timeout_s, headers={"Accept-Encoding": "identity"}, event_hooks={"response": [bound]})
