@@ -10,9 +10,10 @@ from pathlib import Path
 from gavel_agents.classical.planner import ClassicalPlanner
 from gavel_agents.llm import ChatModel, load_model
 from gavel_agents.understanding.interface import Understanding
+from gavel_agents.understanding.learned.reader import load_reader
 from gavel_agents.understanding.model import ModelUnderstanding
 from gavel_agents.understanding.reference import ReferenceUnderstanding
-from gavel_agents.understanding.rules import RulesUnderstanding
+from gavel_agents.understanding.second_reader import TwoReaders
 from gavel_env.errors import DataError, UnknownUnderstanding, nearest_names
 from gavel_env.instructions.record import Instruction
 
@@ -46,7 +47,7 @@ def load_understanding(
     if name == "reference":
         return ReferenceUnderstanding(instructions)
     if name == "rules":
-        return RulesUnderstanding()
+        return TwoReaders(load_reader())
     if kind == "adapter":
         return _adapter(name, Path(folder) if folder else SHIPPED_ADAPTER)
     if name == "llm":

@@ -111,7 +111,8 @@ def locate(
         phrase.preposition == "from" and act.frame.word.partition(" ")[0] in _TAKE_FROM
     )
     spread = source and spreads and not phrase.relative and not any(t in discourse.where for t in before[:-1])
-    for thing in before if before and spread else [owner or group.things[-1]]:
+    last = [owner] if owner is not None else group.things[-1:]
+    for thing in before if before and spread else last:
         discourse.state(act, thing, phrase)
 
 

@@ -1,0 +1,196 @@
+"""From scores to a reading: each thing's likeliest end, each piece's likeliest wish, and how sure all of it is."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gavel_agents.understanding.learned.network import Scores
+from gavel_agents.understanding.learned.options import STATES, WISHES, Group, groups, kinds_for, places_for, rooms_of
+from gavel_agents.understanding.learned.spotted import Spotted
+from gavel_env.world_model.goals import Designator, Literal, Predicate
+
+__all__ = ["Decision", "Meant", "meant_by"]
+
+Array = NDArray[np.float32]
+_NOTHING = -1e4
+_TOLD = 0.5
+"""Least probability of a location that is taken as stated."""
+
+
+class Decision(NamedTuple):
+    """One choice of the reading: what it is about, how probable it is, and what else was likeliest.
+
+    Attributes:
+        mention: index of the mention that it is about.
+        literals: what it asks for; empty where nothing is asked.
+        probability: of the choice.
+        instead: the second choice's literals.
+    """
+
+    mention: int
+    literals: tuple[Literal, ...]
+    probability: float
+    instead: tuple[Literal, ...] = ()
+
+
+class Meant(NamedTuple):
+    """What a text asks for, by what is likeliest.
+
+    Attributes:
+        goals: by the mention that they are about, in the order of the mentions.
+        relations: stated locations, by the index of the mention of the thing.
+        decisions: all that was chosen, also that nothing is asked.
+    """
+
+    goals: tuple[tuple[int, Literal], ...]
+    relations: tuple[tuple[int, Literal], ...]
+    decisions: tuple[Decision, ...]
+
+    @property
+    def sure(self) -> float:
+        """Return the probability that every choice is right, if they were independent."""
+        return float(np.prod([d.probability for d in self.decisions])) if self.decisions else 0.0
+
+
+class _Probable(NamedTuple):
+    """Probabilities of one text: rooms (mentions, mentions + 1; the last: none), kinds and wishes of mentions."""
+
+    rooms: Array
+    kinds: Array
+    wishes: Array
+
+
+def _softmax(x: Array) -> Array:
+    e = np.exp(x - x.max(axis=-1, keepdims=True))
+    return np.asarray(e / e.sum(axis=-1, keepdims=True))
+
+
+def _of_mentions(read: Spotted, scored: Scores) -> _Probable:
+    count = len(read.mentions)
+    rooms = np.full((count, count + 1), _NOTHING, dtype=np.float32)
+    rooms[:, -1] = scored.mentions["room_none"][:, 0]
+    kinds = np.full((count, 4), _NOTHING, dtype=np.float32)
+    for index, mention in enumerate(read.mentions):
+        kinds[index, : len(kinds_for(mention))] = scored.mentions["kind"][index, : len(kinds_for(mention))]
+        if not mention.room and not mention.movable:
+            for room in rooms_of(read):
+                rooms[index, room] = scored.pairs[4, index, room]
+    return _Probable(_softmax(rooms), _softmax(kinds), _softmax(scored.mentions["wish"]))
+
+
+def _places(read: Spotted, scored: Scores, group: Group, told: bool) -> Array:
+    """Return probabilities of (places, and nowhere) for a thing, flat: on top, inside, nowhere."""
+    count = len(read.mentions)
+    own = list(group.mentions)
+    logits = np.full(2 * count + 1, _NOTHING, dtype=np.float32)
+    for place, inside in places_for(read, group):
+        said = scored.pairs[2 * told + inside, own, place]
+        logits[2 * place + inside] = np.logaddexp.reduce(said)
+    logits[-1] = scored.mentions["from_none" if told else "none"][own, 0].mean()
+    return _softmax(logits)
+
+
+def _mean(parts: Iterable[Array]) -> Array:
+    return np.asarray(np.mean(list(parts), axis=0))
+
+
+def meant_by(read: Spotted, scored: Sequence[Scores]) -> Meant:
+    """Return the likeliest reading by the mean of what several networks say."""
+    each = [_of_mentions(read, one) for one in scored]
+    shared = _Probable(*(_mean(getattr(e, name) for e in each) for name in _Probable._fields))
+    goals: list[tuple[int, Literal]] = []
+    relations: list[tuple[int, Literal]] = []
+    decisions: list[Decision] = []
+    for group in groups(read):
+        first = group.mentions[0]
+        where = _mean(_places(read, one, group, False) for one in scored)
+        own = list(group.mentions)
+        counts = _softmax(_mean(one.mentions["count"][own].mean(axis=0) for one in scored))
+        states = _mean(1 / (1 + np.exp(-one.mentions["state"][own].max(axis=0))) for one in scored)
+        ends = _ends(read, shared, group, where)
+        wanted = [state for state, p in zip(STATES, states, strict=True) if p > 0.5]
+        number = int(counts.argmax()) + 1
+        (end, probability), instead = ends[0], ends[1][0] if len(ends) > 1 else None
+        if end is None and not wanted:
+            number = 1
+        else:
+            probability *= float(counts[number - 1])
+        probability *= float(np.prod(np.maximum(states, 1 - states)))
+        literals = []
+        for subject in _each(group.name, number):
+            literals += [Literal(state, subject) for state in wanted]
+            literals += [end._replace(subject=subject)] if end is not None else []
+        goals += [(first, literal) for literal in literals]
+        decisions.append(Decision(first, tuple(literals), probability, (instead,) if instead else ()))
+        told = _ends(read, shared, group, _mean(_places(read, one, group, True) for one in scored))
+        if told[0][0] is not None and told[0][1] > _TOLD:
+            relations.append((first, told[0][0]))
+    for wished, index, probability, second in _wished(read, shared):
+        goals += [(index, literal) for literal in wished]
+        decisions.append(Decision(index, wished, probability, second))
+    return Meant(tuple(dict.fromkeys(goals)), tuple(relations), tuple(decisions))
+
+
+def _each(name: str, number: int) -> list[Designator]:
+    return [Designator(name)] if number == 1 else [Designator(f"{name}_{i}") for i in range(number)]
+
+
+def _ends(read: Spotted, shared: _Probable, group: Group, where: Array) -> list[tuple[Literal | None, float]]:
+    """Return where a thing may end, likeliest first: what comes to the same is taken together."""
+    found: dict[Literal | None, float] = defaultdict(float, {None: float(where[-1])})
+    thing = Designator(group.name)
+    for place, inside in places_for(read, group):
+        p = float(where[2 * place + inside])
+        if p < 0.001:
+            continue
+        mention = read.mentions[place]
+        if mention.room:
+            found[Literal(Predicate.IN_ROOM, thing, Designator(mention.name))] += p
+            continue
+        predicate = Predicate.INSIDE if inside else Predicate.ON_TOP
+        for designator, share in _pieces(read, shared, place).items():
+            found[Literal(predicate, thing, designator)] += p * share
+    return sorted(found.items(), key=lambda end: -end[1])
+
+
+def _pieces(read: Spotted, shared: _Probable, place: int) -> Mapping[Designator, float]:
+    """Return what a mention of a piece may designate, with probabilities."""
+    found: dict[Designator, float] = defaultdict(float)
+    mention = read.mentions[place]
+    for which, kind in enumerate(kinds_for(mention)):
+        for room in (-1, *rooms_of(read)):
+            type_ = None if room < 0 else read.mentions[room].name
+            p = float(shared.kinds[place, which] * shared.rooms[place, room])
+            if p > 0.001:
+                found[Designator(read.named(mention, type_, kind), type_)] += p
+    return found
+
+
+_Wished = tuple[tuple[Literal, ...], int, float, tuple[Literal, ...]]
+
+
+def _wished(read: Spotted, shared: _Probable) -> list[_Wished]:
+    """Return the wish for each mention of a piece that is not a room."""
+    found: list[_Wished] = []
+    for index, mention in enumerate(read.mentions):
+        if mention.room:
+            continue
+        wish = int(shared.wishes[index].argmax())
+        probability = float(shared.wishes[index, wish])
+        meant = WISHES[wish]
+        second = WISHES[int(shared.wishes[index].argsort()[-2])]
+        pieces = _pieces(read, shared, index)
+        if not pieces:
+            continue
+        piece, share = max(pieces.items(), key=lambda one: one[1])
+        if meant is None:
+            other = (Literal(second[0], piece, None, second[1]),) if second else ()
+            found.append(((), index, probability, other))
+            continue
+        found.append(((Literal(meant[0], piece, None, meant[1]),), index, probability * share, ()))
+    return found

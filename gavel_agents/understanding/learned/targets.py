@@ -1,0 +1,225 @@
+"""What the network is trained to say of a text: which of its options are what was meant, in that house."""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import cache
+from typing import NamedTuple
+
+from gavel_agents.understanding.interface import Abstention
+from gavel_agents.understanding.learned.options import STATES, WISHES, Group, groups, kinds_for, places_for, rooms_of
+from gavel_agents.understanding.learned.spotted import Spotted, spotted
+from gavel_agents.understanding.pairs import Denotes, Extent, Sample
+from gavel_env.house.scenes import load_scene
+from gavel_env.instructions.initial_graph import instruction_graph
+from gavel_env.world_model.concepts import default_concepts
+from gavel_env.world_model.goals import Designator, Literal, Predicate, fitting, parse_literal
+from gavel_env.world_model.graph import SceneGraph
+from gavel_env.world_model.ontology import category_of
+
+__all__ = ["Choice", "Example", "example_of"]
+
+Choice = tuple[int, int, int, int]
+"""Mention of a place, inside or not, index of its kind, mention of its room (-1 = none)."""
+
+
+class Item(NamedTuple):
+    """A thing with where it shall go, where it is said to be, what it shall become, and how many are meant."""
+
+    group: Group
+    to: frozenset[Choice]
+    origin: frozenset[Choice]
+    told_origin: bool
+    states: tuple[int, int, int]
+    number: int
+
+
+class Wish(NamedTuple):
+    """Any one of some (mention, kind, room) shall have a wish."""
+
+    any_of: frozenset[tuple[int, int, int]]
+    wish: int
+
+
+class Example(NamedTuple):
+    """A text with what is meant. `whole` is False where the options cannot say all of it."""
+
+    id: str
+    read: Spotted
+    items: tuple[Item, ...]
+    wishes: tuple[Wish, ...]
+    whole: bool
+
+
+class _House:
+    """What names denote in the house of a sample, or by themselves."""
+
+    def __init__(self, sample: Sample) -> None:
+        self.graph: SceneGraph | None = None
+        self.house: Counter[str] | None = None
+        if sample.instruction is not None:
+            scene = load_scene(sample.instruction.scene)
+            self.graph = instruction_graph(scene, sample.instruction)
+            self.house = Counter(room.type for room in scene.rooms)
+        self._known: dict[str, frozenset[str]] = {}
+
+    def of(self, name: str, room: str | None = None) -> frozenset[str]:
+        key = f"{name}@{room}" if room else name
+        if key not in self._known:
+            if self.graph is None:
+                self._known[key] = frozenset({key})
+            else:
+                self._known[key] = frozenset(fitting(self.graph, Designator(name, room))) or frozenset({key})
+        return self._known[key]
+
+    def rooms(self, name: str) -> frozenset[str]:
+        if self.graph is None:
+            return frozenset({name})
+        return frozenset(r.id for r in self.graph.world.rooms.values() if r.fits(name)) or frozenset({name})
+
+
+@cache
+def _members(name: str) -> frozenset[str]:
+    return frozenset(default_concepts().categories(category_of(name)))
+
+
+def _same(name: str, meant: str) -> bool:
+    return bool(_members(name) & _members(meant))
+
+
+def _bounds(house: _House, sample: Sample) -> list[tuple[Literal, Denotes]]:
+    found = []
+    for task in sample.tasks:
+        for index, text in enumerate(task.goal):
+            literal = parse_literal(text)
+            if index < len(task.denotes) and len(task.denotes) == len(task.goal):
+                found.append((literal, task.denotes[index]))
+                continue
+            found.append((literal, _exactly(house, literal)))
+    return found
+
+
+def _exactly(house: _House, literal: Literal) -> Denotes:
+    subject = _extent(house, literal.subject)
+    target = Extent()
+    if literal.object is not None and literal.predicate is Predicate.IN_ROOM:
+        rooms = house.rooms(str(literal.object))
+        target = Extent(rooms, rooms)
+    elif literal.object is not None:
+        target = _extent(house, literal.object)
+    return Denotes((literal.predicate.value,), subject, target, literal.negated)
+
+
+def _extent(house: _House, designator: Designator) -> Extent:
+    """Return what a name denotes at least, and at most: people may use a wider word for it, not another room."""
+    least = house.of(designator.name, designator.room)
+    wider = default_concepts().of_category(category_of(designator.name)) if house.graph is not None else ()
+    alike = (house.of(concept, designator.room) for concept in wider)
+    return Extent(least, least.union(*(found for found in alike if least <= found)))
+
+
+def _within(found: frozenset[str], bound: Extent) -> bool:
+    return bound.least <= found <= bound.most
+
+
+def _choices(house: _House, read: Spotted, group: Group, bound: Denotes, *, loose: bool = False) -> frozenset[Choice]:
+    found = set()
+    for place, inside in places_for(read, group):
+        mention = read.mentions[place]
+        if mention.room:
+            if "in_room" in bound.predicates and house.rooms(mention.name) & bound.object.most:
+                found.add((place, inside, 0, -1))
+            continue
+        if ("inside" if inside else "on_top") not in bound.predicates:
+            continue
+        for which, kind in enumerate(kinds_for(mention)):
+            for room in (-1, *rooms_of(read)):
+                if mention.movable and room >= 0:
+                    continue
+                type_ = None if room < 0 else read.mentions[room].name
+                denoted = house.of(read.named(mention, type_, kind), type_)
+                if _within(denoted, bound.object) or (loose and denoted & bound.object.most):
+                    found.add((place, inside, which, room))
+    return frozenset(found)
+
+
+def example_of(sample: Sample) -> Example | None:
+    """Return a sample as an example, or None if its words cannot be read at all."""
+    house = _House(sample)
+    try:
+        read = spotted(sample.text, house.house)
+    except Abstention:
+        return None
+    whole = True
+    meant = _bounds(house, sample)
+    told = [parse_literal(text) for task in sample.tasks for text in task.relations]
+    things = groups(read)
+    to: dict[str, frozenset[Choice]] = {}
+    states: dict[str, list[int]] = {g.name: [0, 0, 0] for g in things}
+    count: Counter[tuple[str, str]] = Counter()
+    wishes: list[Wish] = []
+    for literal, bound in meant:
+        fit = [g for g in things if _fits(house, g, literal, bound)]
+        if literal.predicate in (Predicate.ON_TOP, Predicate.INSIDE, Predicate.IN_ROOM):
+            chosen = {g.name: c for g in fit if (c := _choices(house, read, g, bound))}
+            if not chosen:
+                whole = False
+                continue
+            exact = [n for n in chosen if not n.startswith("any_")] or list(chosen)
+            name = exact[0]
+            before = to.get(name)
+            both = chosen[name] if before is None else before & chosen[name]
+            whole = whole and bool(both)
+            to[name] = both or chosen[name]
+            count[name, "place"] += 1
+        elif literal.predicate in STATES and not literal.negated:
+            if not fit:
+                whole = False
+                continue
+            states[fit[0].name][STATES.index(literal.predicate)] = 1
+            count[fit[0].name, literal.predicate.value] += 1
+        elif (literal.predicate, literal.negated) in WISHES:
+            any_of = _pieces(house, read, bound)
+            whole = whole and bool(any_of)
+            if any_of:
+                wishes.append(Wish(any_of, WISHES.index((literal.predicate, literal.negated))))
+        else:
+            whole = False
+    origins: dict[str, frozenset[Choice]] = {}
+    for literal in told:
+        for g in things:
+            if _same(g.name, literal.subject.name):
+                found = _choices(house, read, g, _exactly(house, literal), loose=True)
+                if found:
+                    origins[g.name] = found
+    several: Counter[str] = Counter()
+    for (name, _), number in count.items():
+        several[name] = max(several[name], number)
+    items = tuple(
+        Item(
+            g, to.get(g.name, frozenset()), origins.get(g.name, frozenset()),
+            any(_same(g.name, literal.subject.name) for literal in told),
+            (states[g.name][0], states[g.name][1], states[g.name][2]), max(1, min(3, several[g.name])),
+        )
+        for g in things
+    )  # fmt: skip
+    return Example(sample.id, read, items, tuple(wishes), whole and bool(meant))
+
+
+def _fits(house: _House, group: Group, literal: Literal, bound: Denotes) -> bool:
+    if not _same(group.name, literal.subject.name):
+        return False
+    return house.graph is None or bool(house.of(group.name) & bound.subject.most)
+
+
+def _pieces(house: _House, read: Spotted, bound: Denotes) -> frozenset[tuple[int, int, int]]:
+    found = set()
+    for index, mention in enumerate(read.mentions):
+        if mention.room or (mention.movable and "toggled" not in bound.predicates):
+            continue
+        for which, kind in enumerate(kinds_for(mention)):
+            for room in (-1, *rooms_of(read)):
+                type_ = None if room < 0 else read.mentions[room].name
+                if _within(house.of(read.named(mention, type_, kind), type_), bound.subject):
+                    found.add((index, which, room))
+    return frozenset(found)
