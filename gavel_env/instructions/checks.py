@@ -18,6 +18,8 @@ from gavel_env.world_model.ontology import Category, Ontology
 __all__ = ["check_goals", "check_id", "check_placement", "check_supports"]
 
 _NAME = re.compile(r"\w[\w.-]{0,99}")
+_LIFTED_KG = 23.0
+"""What a person lifts who sets up a house, a toaster oven say (the load constant of NIOSH's lifting equation)."""
 _FOLDED = 3.0
 """How many times its holder's a thing's sizes may be, as annotated: sheets and cloths are annotated spread out."""
 
@@ -62,7 +64,8 @@ def check_placement(placement: Placement, category: Category, holder: Category |
     """
     if holder is None:
         return
-    if not category.liftable and category != holder:  # like things are stacked: spare wheels
+    heavy = category.mass_kg is None or category.mass_kg > _LIFTED_KG
+    if heavy and not category.liftable:
         raise InstructionError(
             f"{place}: {category.name!r} cannot be lifted, so nothing has put it {placement.relation} "
             f"{placement.target!r}; things of that kind stand on floors"
@@ -172,5 +175,6 @@ def _check_together(literals: tuple[Literal, ...], graph: SceneGraph, place: str
             continue
         before = holders.setdefault(there[0], literal)
         assert before.object is not None
-        if set(fitting(graph, before.object)).isdisjoint(fitting(graph, literal.object)):
+        places, others = fitting(graph, before.object), fitting(graph, literal.object)
+        if places and others and set(places).isdisjoint(others):
             raise InstructionError(f"{place}: nothing is in two places: {str(before)!r} and {str(literal)!r}")

@@ -83,7 +83,7 @@ class Noise:
         return [Completion(noise(self.rng)) for _ in prompts]
 
 
-_REFUSALS = ("unknown_word", "not_text", "contradiction", "unparsed", "no_antecedent", "cannot_move")
+_REFUSALS = ("unknown_word", "not_text", "contradiction", "unparsed", "no_antecedent", "no_goal", "cannot_move")
 
 
 @pytest.mark.parametrize("text", INJECTED)
@@ -136,7 +136,7 @@ def test_methods_end_with_verdicts_whatever_the_model_says(method: str) -> None:
 
 def test_an_agent_refuses_what_it_does_not_understand() -> None:
     instruction = next(iter(read_instructions(shipped("single")).values()))
-    for text, reason in (("Frobnicate!", "no_goal"), ("Bring it!", "no_antecedent"), ("...", "no_goal")):
+    for text, reason in (("Frobnicate!", "no_goal"), ("Put it on the desk!", "no_antecedent"), ("...", "no_goal")):
         env = gym.make("Gavel-SingleTask-v0", instructions=[msgspec.structs.replace(instruction, text=text)])
         agent = gavel_agents.make("llm-only", understanding=RULES, model=Noise(0))
         observation, info = env.reset(seed=0)
