@@ -68,6 +68,6 @@ def test_the_action_space_says_that_it_knows_no_concepts(env: gavel_env.GavelEnv
 
 
 def test_a_goal_over_an_unknown_concept_is_refused_with_the_nearest(env: gavel_env.GavelEnv) -> None:
-    record = RECORD | {"tasks": [{"text": "", "goal": ["on_top(mug, any_tabel)"], "reference_plan": []}]}
+    record = RECORD | {"tasks": [{"text": "Put it.", "goal": ["on_top(mug, any_tabel)"], "reference_plan": []}]}
     with pytest.raises(InstructionError, match=r"tasks\[0\]: unknown concept 'any_tabel'; did you mean 'any_table'"):
         env.reset(options={"instruction": record})

@@ -62,14 +62,14 @@ def test_literals_are_read_tolerantly(text: str, canonical: str) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "no literal"),
-        ("apple on table", "no literal"),
+        ("", "is not a literal"),
+        ("apple on table", "is not a literal"),
         ("on_top(apple)", "takes 2"),
         ("open(fridge, kitchen)", "takes 1"),
         ("coked(apple)", "did you mean 'cooked'"),
         ("zzz(apple)", "known: on_top"),
         ("open(fridge@)", "name@room"),
-        ("on_top(apple, table, chair)", "no literal"),
+        ("on_top(apple, table, chair)", "is not a literal"),
     ],
 )
 def test_malformed_literals_say_what_is_wrong(text: str, said: str) -> None:
