@@ -17,11 +17,13 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, BinaryIO, NamedTuple, cast
 
 import msgspec
 
 from eval.records.scrub import describe_error
+from eval.run.boundary import attempt
 from gavel_agents.agent import Agent, AgentTrace, Privileged
 from gavel_agents.llm import ChatModel, Completion, Prompt
 from gavel_agents.understanding import Decomposition, Understanding
@@ -370,38 +372,45 @@ class _AskedUnderstanding:
         return cast("Decomposition", self._runner.ask("understand", text, rooms, answers))
 
 
+class _Hosted:
+    """The agent of this process, and the layout that it was shown last."""
+
+    def __init__(self, runner: _Runner) -> None:
+        self._runner = runner
+        self._layout: Any = None
+        self._layouts: dict[int, Any] = {}
+        self.agent: Agent | None = None
+
+    def answer(self, what: str, arguments: Any) -> Any:
+        """Do what the runner asks, and return what it is told."""
+        if what == "make":
+            made, self.agent = _make(self._runner, *arguments)
+            return made
+        if what == "layout":
+            number, shown = arguments
+            self._layout = self._layouts.setdefault(number, shown)
+        elif self.agent is not None:
+            observation, info = arguments
+            info["observed"] = msgspec.structs.replace(info["observed"], layout=self._layout)
+            if what != "reset":
+                return self.agent.act(observation, info)
+            self.agent.reset(observation, info)
+        return None
+
+    def trace(self) -> Any:
+        """Return the agent's trace, if it has one."""
+        return getattr(self.agent, "trace", None)
+
+
 def _serve(runner: _Runner) -> None:
     """Do what the runner asks until it asks no more."""
-    agent: Agent | None = None
-    layout: Any = None
-    layouts: dict[int, Any] = {}
+    hosted = _Hosted(runner)
     while True:
         what, arguments = runner.messages.get()
-        try:
-            value: Any = None
-            if what == "make":
-                value, agent = _make(runner, *arguments)
-            elif what == "layout":
-                number, shown = arguments
-                layout = layouts.setdefault(number, shown)
-            elif agent is not None:
-                observation, info = arguments
-                info["observed"] = msgspec.structs.replace(info["observed"], layout=layout)
-                if what == "reset":
-                    agent.reset(observation, info)
-                else:
-                    value = agent.act(observation, info)
-            ended = _Ended(value)
-        except BaseException as error:  # noqa: BLE001  the episode boundary: whatever the agent raises is its episode's
-            ended = _Ended(describe_error(error), type(error).__name__)
-        runner.tell(ended._replace(trace=_trace_of(agent)))
-
-
-def _trace_of(agent: Agent | None) -> Any:
-    try:
-        return getattr(agent, "trace", None)
-    except BaseException:  # noqa: BLE001  the episode boundary: it has no trace then
-        return None
+        value, error = attempt(partial(hosted.answer, what, arguments), through=())
+        ended = _Ended(value) if error is None else _Ended(describe_error(error), type(error).__name__)
+        trace, _ = attempt(hosted.trace, through=())
+        runner.tell(ended._replace(trace=trace))
 
 
 def _make(

@@ -10,6 +10,7 @@ import threading
 import time
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from importlib import metadata
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -23,6 +24,7 @@ from eval.records.encoding import sound
 from eval.records.schema import Contestant, EpisodeRecord, Scenery, Step
 from eval.records.scrub import describe_error, scrub
 from eval.run.agent_process import AgentFailed, AgentHost, ForeignAgent, in_process
+from eval.run.boundary import attempt
 from eval.run.episodes import EnvironmentSettings, Episode, classify, step_record
 from eval.run.misreading import misread
 from eval.run.planners import EpisodeModel, Planners, usage
@@ -119,10 +121,7 @@ class _Progress:
 
     def fields_if_any(self) -> dict[str, Any]:
         """Return them, or nothing if the agent raises when it is asked for its trace."""
-        try:
-            return self.fields()
-        except Exception:  # noqa: BLE001  the episode boundary
-            return {}
+        return attempt(self.fields)[0] or {}
 
 
 _USUAL_NODES, _MANY_NODES = 512, 8192
@@ -182,13 +181,10 @@ class Rig:
         for episode in episodes:
             if episode.instruction is not None and episode.contestant.config not in seen:
                 seen.add(episode.contestant.config)
-                try:
-                    agent = self.agent(episode.contestant, episode.instruction, episode.key.seed)
-                except GavelError:
-                    raise
-                except Exception:  # noqa: BLE001  the episode boundary: its own episodes will say so
-                    continue
-                self._dismiss(agent, episode.contestant.agent)
+                make = partial(self.agent, episode.contestant, episode.instruction, episode.key.seed)
+                agent, _ = attempt(make, through=(GavelError, KeyboardInterrupt))  # its own episodes will say the rest
+                if agent is not None:
+                    self._dismiss(agent, episode.contestant.agent)
 
     def warm(self, episodes: Iterable[Episode]) -> None:
         """Begin an episode of every kind in this thread: what is loaded or compiled at first use is so from here on."""
@@ -343,13 +339,9 @@ class Rig:
         if episode.instruction is None:
             return Finished(sound(episode.record("rejected", error=scrub(episode.rejected))))
         progress = _Progress()
-        try:
-            progress.model = self.load(episode.contestant.planner)
-            tell(progress.model, episode.instruction)
-            record = self._play(episode, episode.instruction, progress, timeout_s)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:  # noqa: BLE001  the episode boundary: one crash must not end the run
+        record, error = attempt(partial(self._play, episode, episode.instruction, progress, timeout_s))
+        if record is None:
+            assert error is not None
             self._dismiss(progress.agent, episode.contestant.agent, fit=False)
             fields = progress.fields_if_any()
             if isinstance(error, GavelError) and not progress.started:
@@ -364,6 +356,8 @@ class Rig:
     def _play(
         self, episode: Episode, instruction: Instruction, progress: _Progress, timeout_s: float | None
     ) -> EpisodeRecord:
+        progress.model = self.load(episode.contestant.planner)
+        tell(progress.model, instruction)
         clock = time.perf_counter
         begun = clock()
         env = self._take_environment(episode.kind, instruction)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
-import queue
 import re
-import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from multiprocessing.pool import ThreadPool
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from gavel_agents.llm.interface import BadPlannerSpec, Completion, Message, Prompt
@@ -182,22 +182,13 @@ def _within(request: Callable[[], Completion], seconds: float) -> Completion:
     Raises:
         _TooSlow: it was not answered.
     """
-    answered: queue.SimpleQueue[Completion | BaseException] = queue.SimpleQueue()
-
-    def ask() -> None:
-        try:
-            answered.put(request())
-        except BaseException as error:  # noqa: BLE001  raised again below
-            answered.put(error)
-
-    threading.Thread(target=ask, daemon=True).start()
+    pool = ThreadPool(1)
     try:
-        answer = answered.get(timeout=seconds)
-    except queue.Empty:
+        return pool.apply_async(request).get(timeout=seconds)
+    except multiprocessing.TimeoutError:
         raise _TooSlow from None
-    if isinstance(answer, BaseException):
-        raise answer
-    return answer
+    finally:
+        pool.close()
 
 
 def _asked_wait_s(error: Any) -> float | None:

@@ -9,6 +9,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from gavel_env.envs.goal_slots import GoalSlots, goal_designators
+from gavel_env.envs.spaces import AFFORDANCES
 from gavel_env.exchange import Observed
 from gavel_env.world_model.goals import Goal, Literal, Predicate
 from gavel_env.world_model.graph import Flag, Relation, SceneGraph
@@ -18,20 +19,7 @@ __all__ = ["LITERAL_COLUMNS", "ROBOT_COLUMNS", "SLOT_COLUMNS", "SlotFeatures", "
 
 Floats = NDArray[np.float32]
 
-_AFFORDANCES = (
-    "openable",
-    "toggleable",
-    "requires_closed",
-    "surface",
-    "interior",
-    "liftable",
-    "cookable",
-    "washes",
-    "dries",
-    "rinses",
-    "wipes",
-    "safety_critical",
-)
+_AFFORDANCES = tuple(name for name in AFFORDANCES if name != "clearance")
 _FLAGS = tuple(flag.name.lower() for flag in Flag)
 SLOT_COLUMNS = (
     "goal",

@@ -139,7 +139,7 @@ def test_an_endpoint_that_goes_away_ends_the_run_and_resuming_completes_it(
         assert f"--out {tmp_path} --resume" in shown.err
         done = read_records([tmp_path]).records
         assert {record.outcome for record in done.values()} == {"success"}
-        assert 1 <= len(done) <= 6
+        assert len(done) == 6 if connections == 1 else 1 <= len(done) <= 6  # which calls were under way is chance
         server.dies_after = None
         assert main([*spec, *options, "--out", str(tmp_path), "--resume"]) == 0
     records = read_records([tmp_path]).records

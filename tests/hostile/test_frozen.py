@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import copy
-import pickle
+import multiprocessing
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import gymnasium as gym
@@ -51,11 +52,13 @@ def test_what_is_observed_cannot_be_changed(change: Callable[[Observed], Any]) -
         info = env.step(EnvAction(Primitive.NAVIGATE_TO, "fridge"))[4]
 
 
-def test_what_is_observed_can_be_pickled_and_copied() -> None:
+def test_what_is_observed_goes_to_processes_and_is_copied() -> None:
     env = gym.make("Gavel-SingleTask-v0", scenes="Rs_int", observation="symbolic")
     env.reset(seed=0)
     seen = env.step(EnvAction(Primitive.NAVIGATE_TO, "fridge"))[4]["observed"]
-    for again in (pickle.loads(pickle.dumps(seen)), copy.deepcopy(seen)):
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
+        returned = process.submit(copy.copy, seen).result()
+    for again in (returned, copy.deepcopy(seen)):
         assert again.graph.supports == seen.graph.supports
         assert again.graph.world.rooms == seen.graph.world.rooms
         assert again.positions == seen.positions
