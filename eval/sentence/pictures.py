@@ -46,7 +46,7 @@ def replay(run: SentenceRun) -> str:
 
 def picture(run: SentenceRun) -> Image:
     """Return the house with the whole drive, and where the things stood at the start."""
-    markers = tuple(Marker(x, y, name) for name, (x, y) in run.driven.spots.items())
+    markers = tuple(Marker(x, y, f"{name} at the start") for name, (x, y) in run.driven.spots.items())
     last = run.driven.moments[-1].observed
     layout = last.layout
     cells = [cell for moment in run.driven.moments for cell in moment.route]
