@@ -45,9 +45,9 @@ def _load() -> None:
 
 def main() -> int:
     """Run the command line `gavel`."""
-    from eval.cli import main as run
+    from eval.cli import run_and_exit
 
-    return run()
+    return run_and_exit()
 
 
 _load()

@@ -2,7 +2,7 @@
 
 import sys
 
-from eval.cli import main
+from eval.cli import run_and_exit
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_and_exit())

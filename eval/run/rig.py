@@ -10,7 +10,7 @@ import threading
 import time
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from importlib import metadata
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -137,6 +137,12 @@ def _most_nodes(instruction: Instruction) -> int:
     return _USUAL_NODES if nodes <= _USUAL_NODES else _MANY_NODES
 
 
+@cache
+def _offered() -> frozenset[str]:
+    """Return the names of agents that installed packages offer; looked up once, since that reads all their metadata."""
+    return frozenset(entry.name for entry in metadata.entry_points(group="gavel.agents"))
+
+
 def _close_all(hosts: Mapping[str, list[AgentHost]]) -> None:
     for idle in hosts.values():
         for host in idle:
@@ -164,6 +170,7 @@ class Rig:
         self.settings = settings
         self._planners = Planners(connections)
         self._turn = threading.Lock()
+        self._beginning = threading.Lock()
         self._idle: dict[tuple[str, int], list[gym.Env[Any, Any]]] = {}
         self._understandings: dict[str, Understanding] = {}
         self._plugins = tuple(plugins)
@@ -238,8 +245,7 @@ class Rig:
 
     def _elsewhere(self, agent: str) -> bool:
         """Return whether an agent is not this package's, and another process can find it."""
-        offered = (entry.name for entry in metadata.entry_points(group="gavel.agents"))
-        return agent not in self._here and not in_process() and (bool(self._plugins) or agent in offered)
+        return agent not in self._here and not in_process() and (bool(self._plugins) or agent in _offered())
 
     def _foreign(
         self,
@@ -360,8 +366,9 @@ class Rig:
         tell(progress.model, instruction)
         clock = time.perf_counter
         begun = clock()
-        env = self._take_environment(episode.kind, instruction)
-        observation, info = env.reset(seed=episode.key.seed, options={"instruction": instruction})
+        with self._beginning:  # one by one, so that the first calls go out while others are still set up
+            env = self._take_environment(episode.kind, instruction)
+            observation, info = env.reset(seed=episode.key.seed, options={"instruction": instruction})
         progress.started = True
         contestant = episode.contestant
         agent = progress.agent = self.agent(contestant, instruction, episode.key.seed, progress.exchanges)

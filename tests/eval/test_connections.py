@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from importlib import metadata
 from pathlib import Path
 
 import msgspec
@@ -76,6 +77,19 @@ def test_as_many_calls_are_under_way_as_there_are_connections(few: InstructionSe
         assert server.most == 3
         # The first plans are the same for all methods, own agents ask the same as well: one call each, and the check.
         assert server.calls == len(few) + 1
+
+
+def test_no_episode_reads_the_metadata_of_installed_packages(
+    few: InstructionSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That takes a millisecond, for which many threads wait one after the other."""
+    reads: list[object] = []
+    real = metadata.entry_points
+    monkeypatch.setattr(metadata, "entry_points", lambda **chosen: reads.append(chosen) or real(**chosen))
+    plan = schedule(choose(["epog", "oracle"], SETTINGS), [few])
+    reads.clear()
+    assert len(read_records([run(plan, tmp_path)]).records) == 2 * len(few)
+    assert len(reads) <= 2, "once per process, not once per episode"
 
 
 def test_what_was_asked_is_counted_once(few: InstructionSet, tmp_path: Path) -> None:
