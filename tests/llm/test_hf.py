@@ -115,7 +115,7 @@ def test_adapter_changes_the_answers(folder: Path, model: HfModel, tmp_path: Pat
 
 def test_prompt_longer_than_the_context_is_said(model: HfModel) -> None:
     with pytest.raises(
-        ModelError, match=r"the prompt of 'i-0' has \d+ tokens; with 12 new ones that is more than .* 256"
+        ModelError, match=r"the prompt of 'apple apple .*' has \d+ tokens; with 12 new ones that is more than .* 256"
     ):
         model.complete(prompts("apple " * 60))
 
