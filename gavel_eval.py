@@ -45,9 +45,9 @@ def _load() -> None:
 
 def main() -> int:
     """Run the command line `gavel`."""
-    from eval.cli import run_and_exit
+    from eval.__main__ import main as run
 
-    return run_and_exit()
+    return run()
 
 
 _load()

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from eval.run.runner import Schedule
+    from eval.studies.kept import Existing, Kept
 
-__all__ = ["add_how", "add_shown", "names", "positive", "run_shown", "seeds"]
+__all__ = ["add_how", "add_kept", "add_shown", "kept_in", "names", "positive", "run_shown", "seeds"]
 
 FORMATS = ("terminal", "markdown", "csv", "latex")
 
@@ -37,9 +38,7 @@ def add_how(parser: argparse.ArgumentParser) -> None:
     )
     how.add_argument("--timeout", type=_seconds, metavar="S", help="seconds of wall clock per episode (default: none)")
     how.add_argument("--max-steps", type=positive, default=300, metavar="N", help="actions per episode (default: 300)")
-    existing = how.add_mutually_exclusive_group()
-    existing.add_argument("--resume", action="store_true", help="continue the records in --out")
-    existing.add_argument("--fresh", action="store_true", help="set the records in --out aside and start anew")
+    _add_existing(how, "records")
     how.add_argument(
         "--retry", type=names, default=(), metavar="error,timeout", help="with --resume: run these outcomes again"
     )
@@ -55,6 +54,41 @@ def add_how(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="after N endpoint failures in a row (default: 5)",
     )
+
+
+def _add_existing(group: argparse._ArgumentGroup, what: str) -> None:
+    existing = group.add_mutually_exclusive_group()
+    existing.add_argument("--resume", action="store_true", help=f"continue the {what} in --out")
+    existing.add_argument("--fresh", action="store_true", help=f"set the {what} in --out aside and start anew")
+
+
+def add_kept(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a study that keeps what its parts came to."""
+    how = parser.add_argument_group("how it is run")
+    how.add_argument(
+        "--out", metavar="DIR", help="folder in which the results of its parts are kept (default: nowhere)"
+    )
+    _add_existing(how, "results")
+
+
+def kept_in(arguments: argparse.Namespace, name: str, choices: tuple[object, ...]) -> Kept:
+    """Return what a study has kept in a file of `--out`, as the options say.
+
+    Args:
+        arguments: those of `add_kept`.
+        name: of the file.
+        choices: on which results depend.
+
+    Raises:
+        DataError: the file has results, and neither `--resume` nor `--fresh` is given; or it cannot be read.
+    """
+    from eval.studies.kept import Kept
+
+    return Kept(Path(arguments.out) / name if arguments.out else None, choices, _existing(arguments))
+
+
+def _existing(arguments: argparse.Namespace) -> Existing:
+    return "resume" if arguments.resume else "fresh" if arguments.fresh else "refuse"
 
 
 def add_shown(parser: argparse.ArgumentParser) -> None:
@@ -93,7 +127,7 @@ def run_shown(arguments: argparse.Namespace, plan: Schedule, out: Path | None = 
             path = run(
                 plan,
                 out,
-                existing="resume" if arguments.resume else "fresh" if arguments.fresh else "refuse",
+                existing=_existing(arguments),
                 retry=arguments.retry,
                 arguments={k: v for k, v in sorted(vars(arguments).items()) if k != "run"},
                 workers=arguments.workers,

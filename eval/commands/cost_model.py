@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+import sys
+from pathlib import Path
+from typing import Any
 
 from eval.commands._families import family
-
-if TYPE_CHECKING:
-    from eval.studies.cost_limits import Limits
+from eval.commands._runs import add_kept, add_shown, kept_in
 
 __all__ = ["register"]
 
@@ -41,6 +41,8 @@ def register(subparsers: Any) -> None:
         metavar="N",
         help="instructions for ceiling and ranks (default: 60; 0: none)",
     )
+    add_kept(parser)
+    add_shown(parser)
     parser.set_defaults(run=_run)
 
 
@@ -58,83 +60,50 @@ def _positive(text: str) -> float:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from rich.console import Console
-    from rich.table import Table
-
-    from eval.studies.cost_limits import limits
-    from eval.studies.cost_model import drives, fits
+    from eval.records.provenance import data_stamp
+    from eval.report.cost_model import fits_table, limits_table
+    from eval.report.formats import render_grids
+    from eval.run.progress import StepProgress
+    from eval.studies.cost_limits import Limits, limits
+    from eval.studies.cost_model import Drive, drives, fits
     from gavel_agents.methods import METHODS
     from gavel_env.instructions.record import read_instructions, shipped
 
-    source, agent = arguments.instructions, arguments.agent
-    own = METHODS[agent].cost if agent in METHODS else "carried"
-    cost = arguments.cost or own
-    expected = "metres" if cost == "simulated" else "J (m)"
-    table = Table(title=f"Cost of the chosen order ({cost}) against metres driven ({agent}, reference plans)")
-    columns = ("tasks N", "instructions", "R²", "slope", "bias", f"mean {expected}", "mean driven (m)", "order (ms)")
-    for column in columns:
-        table.add_column(column, justify="right")
-    found = list(drives(source, agent, arguments.prior, arguments.cost, arguments.coverage_width))
-    for fit in fits(found):
-        table.add_row(
-            "all" if fit.tasks is None else str(fit.tasks),
-            str(fit.instructions),
-            f"{fit.r_squared:.2f}",
-            f"{fit.slope:.2f}",
-            f"{100 * fit.bias:+.0f} %",
-            f"{fit.expected_m:.1f}",
-            f"{fit.driven_m:.1f}",
-            f"{fit.ordering_ms:.1f}",
-        )
-    console = Console()
-    console.print(table)
-    console.print(
-        "R²: squared correlation over instructions. slope: metres driven per metre expected. bias: metres expected per "
-        "metre driven, less 1.",
-        highlight=False,
-    )
-    if arguments.sample:
-        path = source if source.endswith(".jsonl") else shipped(source)
-        _print_limits(
-            limits(
-                read_instructions(path),
+    source, agent, width = arguments.instructions, arguments.agent, arguments.coverage_width
+    cost = arguments.cost or (METHODS[agent].cost if agent in METHODS else "carried")
+    instructions = read_instructions(source if source.endswith(".jsonl") else shipped(source))
+    data = data_stamp(instructions.stamp, instructions.values())
+    made_from = (data, agent, arguments.prior, cost, width)
+    kept = kept_in(arguments, "cost-model.jsonl", made_from)
+    sample = min(arguments.sample, len(instructions))
+    measured = f"limits on {sample}"
+    with StepProgress("gavel eval cost-model", "instructions", quiet=arguments.quiet) as progress:
+        progress.begin(("drives" not in kept) * len(instructions) + (measured not in kept) * sample)
+
+        def driven() -> list[Drive]:
+            found = []
+            for drive in drives(source, agent, arguments.prior, arguments.cost, width):
+                found.append(drive)
+                progress.step()
+            return found
+
+        def limited() -> Limits:
+            return limits(
+                instructions,
                 agent=agent,
                 prior=arguments.prior,
                 cost=arguments.cost,
-                coverage_width_m=arguments.coverage_width,
-                count=arguments.sample,
+                coverage_width_m=width,
+                count=sample,
+                measured=progress.step,
             )
-        )
-    console.print(
-        "The paper, in its own executor: R² = 0.93 at N = 4, 0.89 at N = 5, which justifies pairwise costs in place of "
-        "rolling out every order; 17 ms of ordering. Here nothing that does not know where things are comes near that, "
-        "but J and its own rollouts through whole orders do.",
-        highlight=False,
-    )
+
+        found = kept.get("drives", list[Drive], driven)
+        tables = [limits_table(kept.get(measured, Limits, limited))] if sample else []
+    facts = (f"{len(found)} from {Path(instructions.source).name}", f"data {data}", f"prior {arguments.prior}")
+    tables.insert(0, fits_table(fits(found), cost=cost, agent=agent, facts=(*facts, *kept.facts)))
+    sys.stdout.write(render_grids(tables, arguments.format))
     return 0
-
-
-def _print_limits(found: Limits) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    def shown(value: float | None, error: float | None = None) -> str:
-        return "—" if value is None else f"{value:.2f}" + ("" if error is None else f" ± {error:.2f}")
-
-    table = Table(title=f"What can be asked of it: {found.instructions} instructions, drawn by the hash of their ids")
-    table.add_column("measured")
-    table.add_column("", justify="right")
-    table.add_row("R² of the cost and the metres driven, on this sample", shown(found.model_r_squared))
-    table.add_row(
-        f"R² of the executor itself, mean over {found.worlds} worlds drawn from B₀", shown(found.ceiling_r_squared)
-    )
-    table.add_row("    its bias", "—" if found.ceiling_bias is None else f"{100 * found.ceiling_bias:+.0f} %")
-    table.add_row(
-        f"rank correlation of cost and metres over {found.orders} random orders of an instruction",
-        shown(found.rank_correlation, found.rank_error),
-    )
-    table.add_row("R² of pairwise J and J rolled out through the whole order", shown(found.sequential_r_squared))
-    Console().print(table)
 
 
 def _run_coverage(arguments: argparse.Namespace) -> int:

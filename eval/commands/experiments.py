@@ -126,7 +126,10 @@ def _run_all(arguments: argparse.Namespace, out: Path) -> int:
         sys.stdout.write(render_grids(tables, arguments.format) + "\n")
     from eval.cli import main
 
+    shared = ["--out", str(out), "--format", arguments.format, *(["--quiet"] if arguments.quiet else [])]
+    shared += ["--resume"] if arguments.resume else ["--fresh"] if arguments.fresh else []
     for part in (["beliefs"], ["cost-model", "--prior", arguments.prior]):
         sys.stdout.flush()
-        worst = max(worst, main(["eval", *part]))
+        worst = max(worst, main(["eval", *part, *shared]))
+        sys.stdout.write("\n")
     return worst

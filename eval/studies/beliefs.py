@@ -35,7 +35,7 @@ from gavel_agents.rsn.encoder import PhraseTable, weights_folder
 from gavel_agents.rsn.folds import FOLD_SEED, FOLDS, HeldOut
 from gavel_agents.rsn.model import split_over_instances
 
-__all__ = ["BINS", "Answer", "Score", "evaluate", "evaluate_shipped", "score"]
+__all__ = ["BINS", "Answer", "Score", "evaluate", "evaluate_shipped", "fits", "score"]
 
 BINS = 10
 
@@ -118,13 +118,25 @@ def _calibration(belief: Floats, true: NDArray[np.bool_]) -> tuple[tuple[int, fl
     )
 
 
-def evaluate(*, unseen: bool = False, seed: int = FOLD_SEED, folder: Path | None = None) -> list[Score]:
+def fits(*, unseen: bool) -> int:
+    """Return how often `evaluate` fits the priors, and so calls `fitted`."""
+    return FOLDS * FOLDS if unseen else FOLDS
+
+
+def evaluate(
+    *,
+    unseen: bool = False,
+    seed: int = FOLD_SEED,
+    folder: Path | None = None,
+    fitted: Callable[[], object] = lambda: None,
+) -> list[Score]:
     """Score every prior on scenes held out, each fitted on the other folds.
 
     Args:
         unseen: hold the category out as well.
         seed: of the partition into folds; the RSN is scored on the stored partition only.
         folder: weights with the RSN's held-out scores (default: the shipped ones).
+        fitted: called after every fit and its queries.
 
     Raises:
         DataError: shipped data is missing.
@@ -143,6 +155,7 @@ def evaluate(*, unseen: bool = False, seed: int = FOLD_SEED, folder: Path | None
                 models |= _rsn_models(HeldOut.load(folder, table.encoder), fold, category_seen=not unseen)
             for query in queries(contents, held_out, part):
                 _ask(contents, query, models, answers)
+            fitted()
     return [score(name, answers[name]) for name in _ORDER if name in answers]
 
 

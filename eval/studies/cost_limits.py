@@ -9,7 +9,7 @@ pairwise sum J stands for rollouts through whole orders.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -68,6 +68,7 @@ def limits(
     worlds: int = 16,
     orders: int = 8,
     seed: int = 0,
+    measured: Callable[[], object] = lambda: None,
 ) -> Limits:
     """Measure the limits.
 
@@ -81,6 +82,7 @@ def limits(
         worlds: drawn from B_0 per instruction.
         orders: random ones, per instruction.
         seed: of worlds and orders.
+        measured: called after every instruction.
     """
     env = gym.make("Gavel-MultiTask-v0", terminate_on_success=False, observation="symbolic")
     chosen: list[tuple[float, float, float, float]] = []
@@ -108,6 +110,7 @@ def limits(
             tried = _random_orders(len(instruction.tasks), orders, rng)
             metres = [_drive(env, reordered(instruction, order), prior) for order in tried]
             ranks += _rank_correlation(situation.expected_m(tried), metres)
+        measured()
     env.close()
     table = np.array(chosen).reshape(-1, 4)
     expected_m, driven_m, mean_m, sequential_m = table.T

@@ -25,7 +25,7 @@ from gavel_env.exchange import EnvAction
 from gavel_env.house.scenes import Scene, load_scene
 from gavel_env.world_model.actions import Action, Primitive
 
-__all__ = ["CURVES", "Curve", "main", "play"]
+__all__ = ["CURVES", "Curve", "evaluate_many", "main", "memory_mb", "play"]
 
 Points = Iterator[tuple[float, float]]
 
@@ -148,13 +148,26 @@ def _planning_ms() -> Points:
         yield float(count), 1e3 * statistics.median(spent)
 
 
-def _memory_mb() -> Points:
-    """Play 10,000 episodes in a process of their own, and look at the most memory it has taken so far."""
-    code = "from eval.studies.scaling import play; play()"
+def memory_mb(play: str = "play") -> Points:
+    """Play 10,000 episodes in a process of their own, and look at the most memory it has taken so far.
+
+    Args:
+        play: function of this module that plays them, `play` or `evaluate_many`.
+    """
+    code = f"from eval.studies.scaling import {play} as play; play()"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     for line in done.stdout.splitlines():
         episode, megabytes = line.split()
         yield float(episode), float(megabytes)
+
+
+_LOOKED_AT = (100, 300, 1_000, 3_000, 10_000)
+
+
+def _look(episode: int) -> None:
+    if episode in _LOOKED_AT:
+        unit = 2**20 if sys.platform == "darwin" else 2**10
+        print(episode, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit, flush=True)
 
 
 def play(most: int = 10_000) -> None:
@@ -173,9 +186,22 @@ def play(most: int = 10_000) -> None:
             if terminated or truncated:
                 break
         _, info = env.reset()
-        if episode in (100, 300, 1_000, 3_000, 10_000):
-            unit = 2**20 if sys.platform == "darwin" else 2**10
-            print(episode, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit, flush=True)
+        _look(episode)
+
+
+def evaluate_many(most: int = 10_000) -> None:
+    """Evaluate the methods of experiment 2 with a simulated planner; print the most memory so far, in MB, as `play`."""
+    from itertools import count
+
+    from eval.run.runner import run
+    from eval.studies.experiments import EXPERIMENTS, planned
+
+    seeds = range(5)
+    each = len(EXPERIMENTS["exp2"].agents) * len(seeds)
+    plan = planned(EXPERIMENTS["exp2"], planners=["simulated:qwen3-8b"], seeds=tuple(seeds), limit=max(1, most // each))
+    number = count(1)
+    with tempfile.TemporaryDirectory() as folder:
+        run(plan, folder, report=lambda _: _look(next(number)))
 
 
 def _evaluation(*arguments: str) -> tuple[float, float]:
@@ -214,7 +240,7 @@ CURVES: tuple[Curve, ...] = (
     Curve("episodes evaluated", "CPU s", _episodes_s),
     Curve("worker processes, 400 episodes", "wall clock, s", _workers_s),
     Curve("connections, 32 calls of 1 s", "wall clock, s", _connections_s),
-    Curve("episodes in one process", "most memory, MB", _memory_mb),
+    Curve("episodes in one process", "most memory, MB", memory_mb),
 )
 
 

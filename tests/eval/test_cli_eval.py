@@ -248,3 +248,21 @@ def test_the_shipped_instructions_check_the_agents(tmp_path: Path) -> None:
         needs = needs_appliance(files[record.kind][record.instruction])
         expected = record.contestant.agent == "oracle" or not needs
         assert record.success == expected, (record.contestant.agent, record.instruction, record.failure)
+
+
+def test_the_command_line_has_one_thread_for_linear_algebra_unless_told_otherwise() -> None:
+    script = (
+        "import gavel_eval, os, sys\n"
+        "print('OPENBLAS_NUM_THREADS' in os.environ, 'numpy' in sys.modules)\n"
+        "sys.argv = ['gavel', '--version']\n"
+        "try: gavel_eval.main()\n"
+        "except SystemExit: print(os.environ['OPENBLAS_NUM_THREADS'])\n"
+    )
+    clean = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    for given, last in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")):
+        done = subprocess.run(
+            [sys.executable, "-c", script], env=clean | given, capture_output=True, text=True, check=True
+        )
+        first, _version, used = done.stdout.splitlines()
+        assert first == f"{bool(given)} False"  # it is read when numpy is imported
+        assert used == last

@@ -17,6 +17,9 @@ from eval.records.conversations import read_conversations
 from eval.records.journal import RecordFile, read_records
 from eval.records.schema import Contestant, EpisodeRecord, Scenery, Step
 from eval.report.html import html_report
+from eval.run.contestants import choose
+from eval.run.episodes import EnvironmentSettings
+from eval.run.runner import run, schedule
 from gavel_env.instructions.record import read_instructions, shipped
 
 CHROMIUM = next((path for path in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if path), None)
@@ -147,6 +150,24 @@ def test_headings_sort_and_keys_move(page: str, tmp_path: Path) -> None:
     assert up == list(reversed(down))
     assert up != down
     assert (row, step) == (1, "1")
+
+
+def test_rows_of_one_agent_are_told_apart_and_chosen_by_planner(tmp_path: Path) -> None:
+    few = read_instructions(shipped("multi"))
+    chosen = choose(["gavel-full"], EnvironmentSettings(), planners=["reference:multi", "simulated:qwen3-8b"])
+    page = html_report(read_records([run(schedule(chosen, [few], limit=2), tmp_path)]))
+    script = """
+      const all = (what) => [...document.querySelectorAll(what)], planner = document.getElementById("planner");
+      const before = all("#list button").length;
+      planner.value = "simulated:qwen3-8b";
+      planner.dispatchEvent(new Event("change"));
+      return [before, [...planner.options].map((o) => o.value), all("#list small").map((row) => row.textContent)];
+    """
+    before, options, rows = in_browser(page, tmp_path, script)
+    assert before == 4
+    assert options == ["", "reference:multi", "simulated:qwen3-8b"]
+    assert len(rows) == 2
+    assert all("simulated:qwen3-8b" in row for row in rows)
 
 
 EVIL = "</script><img src=x onerror=window.wrong.push(1)><b>"

@@ -52,6 +52,21 @@ def test_memory_is_looked_at_while_episodes_are_played(capsys: pytest.CaptureFix
     assert 50.0 < found[0][1] <= found[1][1] < 20_000.0
 
 
+def test_memory_is_looked_at_while_episodes_are_evaluated(capsys: pytest.CaptureFixture[str]) -> None:
+    scaling.evaluate_many(120)
+    [(episode, megabytes)] = [tuple(map(float, line.split())) for line in capsys.readouterr().out.splitlines()]
+    assert episode == 100.0
+    assert 50.0 < megabytes < 20_000.0
+
+
+@pytest.mark.slow
+def test_memory_is_flat_over_ten_thousand_evaluated_episodes() -> None:
+    """The houses are loaded within the first thousand; two kilobytes kept of every later episode would be seen."""
+    found = dict(scaling.memory_mb("evaluate_many"))
+    assert list(found) == [100.0, 300.0, 1_000.0, 3_000.0, 10_000.0]
+    assert found[10_000.0] - found[3_000.0] <= 12.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("curve", CURVES, ids=lambda curve: curve.size)
 def test_every_curve_can_be_measured(curve: Curve) -> None:

@@ -4,7 +4,7 @@ const SORTS = new Map([
   ["in order", null], ["most metres", (a, b) => b.metres - a.metres], ["fewest metres", (a, b) => a.metres - b.metres],
   ["slowest planning", (a, b) => b.planning - a.planning], ["most calls", (a, b) => b.attempts - a.attempts], ["failures first", (a, b) => (a.outcome === "success") - (b.outcome === "success")],
 ]);
-const FILTERS = { agent: (e) => e.agent, scene: (e) => e.scene, outcome: (e) => e.outcome, failure: (e) => e.failure, kind: (e) => e.kind };
+const FILTERS = { agent: (e) => e.agent, planner: (e) => e.planner, scene: (e) => e.scene, outcome: (e) => e.outcome, failure: (e) => e.failure, kind: (e) => e.kind };
 let data, shown = [], current = -1;
 
 const permalink = (e, step) => `#/${[e.id, e.seed, e.config, step].map(encodeURIComponent).join("/")}`;
