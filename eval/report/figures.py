@@ -7,7 +7,7 @@ marker.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -55,31 +55,37 @@ def figures(files: RecordFile) -> Iterator[tuple[str, Any]]:
     """
     for section in results(files).sections:
         _, labels = labels_of(section)
-        by_config: dict[str, list[EpisodeRecord]] = {}
-        for record in files.records.values():
-            if (record.data, record.kind) == (section.benchmark.data, section.benchmark.kind):
-                by_config.setdefault(record.contestant.config, []).append(record)
         names = tuple(" ".join(part for part in label if part not in ("", "—")) for label in labels)
-        records = tuple(tuple(by_config.get(row.contestant.config, ())) for row in section.rows)
+        records = tuple(tuple(files.records[key] for key in keys if key in files.records) for keys in section.keys)
         run = _Run(section, names, records)
+        about = "-".join(filter(None, (section.benchmark.kind, section.part)))
         for name, drawn in FIGURES.items():
             drawing = drawn(run)
             if drawing is not None:
-                yield f"{section.benchmark.kind}-{name}", drawing
+                yield f"{about}-{name}", drawing
 
 
 def _success(run: _Run) -> Any:
     """Success of every method, with its 95 % interval."""
-    drawing, ax = figure()
-    for i, name, _ in run.rows():
+    drawing, ax = figure(height_in=_height_in(len(run.names)))
+    for i, _, _ in run.rows():
         value = run.section.rows[i].success
         if value is None:
             continue
         low, high = value.interval or (value.mean - (value.spread or 0.0), value.mean + (value.spread or 0.0))
-        ax.bar(name, value.mean, color=COLOURS[i % 8])
-        ax.errorbar(name, value.mean, [[value.mean - low], [high - value.mean]], color="black", capsize=3)
-    ax.set(ylabel="success (%)", ylim=(0, 100))
-    _slant(ax)
+        ax.barh(i, value.mean, color=COLOURS[i % 8], height=0.7)
+        for colour, width in (("white", 3.5), ("black", 1.5)):  # seen on every colour
+            ax.errorbar(
+                value.mean,
+                i,
+                xerr=[[value.mean - low], [high - value.mean]],
+                color=colour,
+                elinewidth=width,
+                capsize=3,
+                capthick=width,
+            )
+    ax.set(xlabel="success (%)", xlim=(0, 101))
+    _name_rows(ax, run.names)
     return drawing
 
 
@@ -88,13 +94,14 @@ def _metres(run: _Run) -> Any:
     compared = [i for i in run.section.compared if run.section.rows[i].matched is not None]
     if len(compared) < 2:
         return None
-    drawing, axes = figure(columns=2)
+    drawing, axes = figure(columns=2, height_in=_height_in(len(compared)))
     left, right = axes[0]
     records = {record.key: record for found in run.records for record in found}
     for place, i in enumerate(compared):
         value = run.section.rows[i].matched
         assert value is not None
-        left.errorbar(place, value.mean, value.spread or 0.0, fmt=MARKERS[place % 8], color=COLOURS[i % 8], capsize=3)
+        style = {"fmt": MARKERS[place % 8], "color": COLOURS[i % 8], "capsize": 3}
+        left.errorbar(value.mean, place, xerr=value.spread or 0.0, **style)
         if not place:
             continue
         before = compared[place - 1]
@@ -102,22 +109,12 @@ def _metres(run: _Run) -> Any:
         if paired is None:
             continue
         low, high = paired.interval or (paired.difference, paired.difference)
-        right.errorbar(
-            place,
-            paired.difference,
-            [[paired.difference - low], [high - paired.difference]],
-            fmt=MARKERS[place % 8],
-            color=COLOURS[i % 8],
-            capsize=3,
-        )
-    right.axhline(0, color="0.5", linewidth=1)
-    names = [run.names[i] for i in compared]
-    left.set(ylabel=f"metres, {run.section.matched} common successes")
-    right.set(ylabel="metres, less the method before\n(paired, 95 % bootstrap)")
-    for ax in (left, right):
-        ax.set_xlim(-0.5, len(names) - 0.5)
-        ax.set_xticks(range(len(names)), names)
-        _slant(ax)
+        right.errorbar(paired.difference, place, xerr=[[paired.difference - low], [high - paired.difference]], **style)
+    right.axvline(0, color="0.5", linewidth=1)
+    left.set(xlabel=f"metres, {run.section.matched} common successes")
+    right.set(xlabel="metres, less the method above (paired, 95 % bootstrap)")
+    _name_rows(left, [run.names[i] for i in compared])
+    _name_rows(right, [""] * len(compared))
     return drawing
 
 
@@ -231,9 +228,15 @@ def _cost(run: _Run) -> Any:
     return drawing
 
 
-def _slant(ax: Any) -> None:
-    for label in ax.get_xticklabels():
-        label.set(rotation=35, ha="right")
+def _height_in(rows: int) -> float:
+    return 0.9 + 0.26 * rows
+
+
+def _name_rows(ax: Any, names: Sequence[str]) -> None:
+    """Name rows from the top."""
+    ax.set_yticks(range(len(names)), names)
+    ax.set_ylim(len(names) - 0.5, -0.5)
+    ax.grid(visible=False, axis="y")
 
 
 FIGURES: Mapping[str, Callable[[_Run], Any]] = {

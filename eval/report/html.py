@@ -18,7 +18,7 @@ from eval.records.conversations import Conversations
 from eval.records.journal import RecordFile
 from eval.records.schema import EpisodeRecord
 from eval.report.floor_plan import floor_plans
-from eval.report.grid import Grid, grids, labels_of
+from eval.report.grid import Grid, grids, labels_of, part_of
 from eval.report.statistics import Estimate
 from eval.report.tables import Results, Section, results
 
@@ -110,6 +110,7 @@ def _chart(section: Section) -> dict[str, Any]:
     _, labels = labels_of(section)
     return {
         "kind": section.benchmark.kind,
+        "part": part_of(section),
         "instructions": section.instructions,
         "matched": section.matched,
         "rows": [

@@ -12,8 +12,13 @@ from gavel_env.errors import NotInstalled
 __all__ = ["figure", "fitted_exponent", "plain_logarithmic"]
 
 
-def figure(columns: int = 1, rows: int = 1) -> tuple[Any, Any]:
+def figure(columns: int = 1, rows: int = 1, *, height_in: float = 3.4) -> tuple[Any, Any]:
     """Return a new figure and its axes.
+
+    Args:
+        columns: of axes.
+        rows: of axes.
+        height_in: of a row, inches.
 
     Raises:
         NotInstalled: the extra is missing.
@@ -23,11 +28,12 @@ def figure(columns: int = 1, rows: int = 1) -> tuple[Any, Any]:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise NotInstalled("matplotlib is not installed; pip install 'gavel-env[plots]'") from error
-    drawing = Figure(figsize=(5.4 * columns, 3.4 * rows), dpi=110, layout="constrained")
+    drawing = Figure(figsize=(5.4 * columns, height_in * rows), dpi=110, layout="constrained")
     FigureCanvasAgg(drawing)
     axes = drawing.subplots(rows, columns, squeeze=False)
     for ax in axes.flat:
         ax.grid(visible=True, color="0.9")
+        ax.set_axisbelow(True)
         ax.spines[["top", "right"]].set_visible(False)
     return drawing, axes[0, 0] if rows == columns == 1 else axes
 

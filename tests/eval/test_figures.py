@@ -11,6 +11,11 @@ from eval import evaluate
 from eval.cli import main
 from eval.records.journal import read_records
 from eval.report.figures import FIGURES, figures
+from eval.report.tables import results
+from eval.run.contestants import choose
+from eval.run.episodes import EnvironmentSettings
+from eval.run.runner import contestant, schedule
+from eval.run.runner import run as execute
 from gavel_env.errors import NotInstalled
 from gavel_env.instructions.record import read_instructions, shipped
 
@@ -33,6 +38,21 @@ def test_everything_that_can_be_shown_is_drawn(run: Path, tmp_path: Path, capsys
     for path in (tmp_path / "once").glob("*.png"):
         assert path.read_bytes() == (tmp_path / "again" / path.name).read_bytes()
     assert "multi-metres.svg" in capsys.readouterr().out
+
+
+def test_rows_over_other_instructions_have_figures_of_their_own(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    few = read_instructions(shipped("multi"))
+    settings = EnvironmentSettings()
+    sampled = contestant("gavel-full", settings, planner="reference:multi", understanding="reference", sampled=3)
+    plan = schedule([sampled, *choose(["epog", "oracle"], settings)], [few], limit=6, settings=settings)
+    files = read_records([execute(plan, tmp_path)])
+    drawn = dict(figures(files))
+    assert {"multi-shared-success", "multi-all-success"} <= set(drawn)
+    bars = {name: [t.get_text() for t in drawing.axes[0].get_yticklabels()] for name, drawing in drawn.items()}
+    assert len(bars["multi-shared-success"]) == 3
+    assert len(bars["multi-all-success"]) == 2
+    assert [len(section.rows) for section in results(files).sections] == [3, 2]
 
 
 def test_without_the_extra_it_says_what_to_install(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,7 @@ const KINDS = new Map([["single", "single tasks"], ["multi", "multi-task instruc
 
 function showCharts(charts) {
   for (const chart of charts) {
-    const about = KINDS.get(chart.kind) ?? chart.kind;
+    const about = (KINDS.get(chart.kind) ?? chart.kind) + chart.part;
     bars(`Success, ${about}`, chart.rows.filter((r) => r.success).map((r) => ({ ...r, value: r.success })), 100, (v) => `${v.toFixed(0)} %`,
       "thin line: 95 % interval over instructions, or ± over seeds");
     const driven = chart.rows.filter((r) => r.metres);
