@@ -152,6 +152,52 @@ def test_headings_sort_and_keys_move(page: str, tmp_path: Path) -> None:
     assert (row, step) == (1, "1")
 
 
+CONTRAST = """
+  const parsed = (colour) => colour.match(/[0-9.]+/g).map(Number);
+  const light = (rgb) => rgb.slice(0, 3).map((v) => v / 255)
+    .map((v) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+  const behind = (node) => {
+    for (let n = node; n; n = n.parentElement) {
+      const found = parsed(getComputedStyle(n).backgroundColor);
+      if (found.length < 4 || found[3] === 1) return found;
+    }
+    return [255, 255, 255];
+  };
+  document.querySelectorAll("details").forEach((n) => { n.open = true; });
+  for (let k = 0; k < 3; k++) document.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" }));
+  const poor = new Set(), seen = new Set();
+  for (const node of document.querySelectorAll("body *:not(script):not(style):not(option)")) {
+    const own = [...node.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
+    if (!own || !node.getClientRects().length) continue;
+    const style = getComputedStyle(node);
+    const colour = parsed(node instanceof SVGElement ? style.fill : style.color);
+    const [a, b] = [light(colour), light(behind(node))];
+    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    seen.add(node.tagName.toLowerCase());
+    if (ratio < 4.5) poor.add(`${node.tagName} ${node.className.baseVal ?? node.className}: ${ratio.toFixed(2)}`);
+  }
+  return [[...poor], [...seen]];
+"""
+
+
+@pytest.fixture(scope="module")
+def repaired(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """An instruction some of whose plans a small model would get wrong."""
+    out: Path = tmp_path_factory.mktemp("repaired")
+    few = list(read_instructions(shipped("multi")).values())[2:3]
+    evaluate(["gavel-full"], few, planner="simulated:qwen3-4b", out=out)
+    return html_report(read_records([out]), conversations=read_conversations([out]))
+
+
+@pytest.mark.parametrize("scheme", [0, 1], ids=["dark", "light"])
+def test_every_text_stands_out_from_what_is_behind_it(repaired: str, tmp_path: Path, scheme: int) -> None:
+    flags = (f"--blink-settings=preferredColorScheme={scheme}",)
+    poor, seen = in_browser(repaired, tmp_path, CONTRAST, flags=flags)
+    assert {"td", "text", "small", "li", "del", "ins", "summary", "pre", "button"} <= set(seen)
+    assert poor == []
+
+
 def test_rows_of_one_agent_are_told_apart_and_chosen_by_planner(tmp_path: Path) -> None:
     few = read_instructions(shipped("multi"))
     chosen = choose(["gavel-full"], EnvironmentSettings(), planners=["reference:multi", "simulated:qwen3-8b"])
