@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from eval.run.runner import Schedule
     from eval.studies.kept import Existing, Kept
 
-__all__ = ["add_how", "add_kept", "add_shown", "kept_in", "names", "positive", "run_shown", "seeds"]
+__all__ = ["add_how", "add_kept", "add_shown", "kept_in", "names", "positive", "run_shown", "seconds", "seeds"]
 
 FORMATS = ("terminal", "markdown", "csv", "latex")
 
@@ -36,7 +36,7 @@ def add_how(parser: argparse.ArgumentParser) -> None:
     how.add_argument(
         "--shard", type=_shard, metavar="K/N", help="run the K-th of N parts; gavel tables DIR DIR … puts them together"
     )
-    how.add_argument("--timeout", type=_seconds, metavar="S", help="seconds of wall clock per episode (default: none)")
+    how.add_argument("--timeout", type=seconds, metavar="S", help="seconds of wall clock per episode (default: none)")
     how.add_argument("--max-steps", type=positive, default=300, metavar="N", help="actions per episode (default: 300)")
     _add_existing(how, "records")
     how.add_argument(
@@ -45,7 +45,7 @@ def add_how(parser: argparse.ArgumentParser) -> None:
     limits = parser.add_argument_group("when it stops early (and can be resumed)")
     limits.add_argument("--max-calls", type=positive, metavar="N", help="after N calls of language models")
     limits.add_argument("--max-tokens", type=positive, metavar="N", help="after N tokens, in prompts and answers")
-    limits.add_argument("--max-cost", type=_seconds, metavar="X", help="after a cost of X, by --prices")
+    limits.add_argument("--max-cost", type=seconds, metavar="X", help="after a cost of X, by --prices")
     limits.add_argument("--prices", metavar="FILE.json", help="prices of models per million tokens")
     limits.add_argument(
         "--fail-on-errors",
@@ -185,7 +185,8 @@ def positive(text: str) -> int:
     return number
 
 
-def _seconds(text: str) -> float:
+def seconds(text: str) -> float:
+    """Read a number above 0."""
     try:
         number = float(text)
     except ValueError:

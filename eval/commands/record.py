@@ -6,7 +6,7 @@ import argparse
 import time
 from typing import Any
 
-from eval.commands._runs import seeds
+from eval.commands._runs import seconds, seeds
 
 __all__ = ["register"]
 
@@ -32,6 +32,12 @@ def register(subparsers: Any) -> None:
     parser.add_argument("--profile", choices=("paper", "omnigibson"), default="paper", help="rules profile")
     parser.add_argument("--seeds", type=seeds, default=(0,), metavar="0,1", help="of the model's sampling (default: 0)")
     parser.add_argument("--threads", type=_positive, default=2, metavar="N", help="prompts asked at once (default: 2)")
+    parser.add_argument(
+        "--timeout",
+        type=seconds,
+        metavar="SECONDS",
+        help="of one call of the model in all, with its retries; then recording stops, to be continued (default: none)",
+    )
     parser.set_defaults(run=_run)
 
 
@@ -53,7 +59,7 @@ def _run(arguments: argparse.Namespace) -> int:
     instructions = read_instructions(source if source.endswith(".jsonl") else shipped(source))
     chosen = sample(instructions, arguments.sample)
     agents = arguments.agents.split(",")
-    model = recorder(arguments.planner, arguments.out, arguments.threads)
+    model = recorder(arguments.planner, arguments.out, arguments.threads, arguments.timeout)
     if model.set_aside is not None:
         print(f"{arguments.out} was not whole: it is now {model.set_aside}, and what could be read is kept")
     begun = time.monotonic()

@@ -75,6 +75,7 @@ class StoredCall(msgspec.Struct, frozen=True, tag_field="kind", tag="call", omit
         completion: id of the text.
         schema: id of the text, or empty.
         prompt_tokens, completion_tokens, seconds: as the backend counted them when it was first asked.
+        finish_reason: how the answer ended, where the backend said so: "stop", "length" or "filter".
     """
 
     id: str
@@ -86,6 +87,7 @@ class StoredCall(msgspec.Struct, frozen=True, tag_field="kind", tag="call", omit
     prompt_tokens: int = 0
     completion_tokens: int = 0
     seconds: float = 0.0
+    finish_reason: str = ""
 
     def content_id(self) -> str:
         """Return the id that belongs to the content."""
@@ -150,7 +152,13 @@ class Conversations:
             stored.model,
             stored.decoding,
             tuple(convert({"role": r, "content": self._texts[t]}, Message) for r, t in stored.messages),
-            Completion(self._texts[stored.completion], stored.prompt_tokens, stored.completion_tokens, stored.seconds),
+            Completion(
+                self._texts[stored.completion],
+                stored.prompt_tokens,
+                stored.completion_tokens,
+                stored.seconds,
+                stored.finish_reason,
+            ),
             self._texts.get(stored.schema, ""),
         )
 
@@ -194,7 +202,7 @@ def _entries(content: bytes, path: Path, damaged: list[str]) -> Iterable[_Entry]
     for line in content.splitlines():
         try:
             yield _ENTRY.decode(line)
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             damaged.append(f"{path}: {error}")
 
 
@@ -270,6 +278,7 @@ class ConversationWriter:
             completion.prompt_tokens,
             completion.completion_tokens,
             round(completion.seconds, 3),
+            completion.finish_reason,
         )
         call = msgspec.structs.replace(call, id=call.content_id())
         if call.id not in self._known:

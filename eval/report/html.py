@@ -188,4 +188,5 @@ def _calls(record: EpisodeRecord, conversations: Conversations, texts: dict[str,
             "turns": [*turns, ("answer", texts.setdefault(answer.text, len(texts)))],
             "tokens": [answer.prompt_tokens, answer.completion_tokens],
             "seconds": answer.seconds,
+            "cut": answer.finish_reason if answer.cut else "",
         }

@@ -20,6 +20,7 @@ import gavel_env  # noqa: F401  (registers the environments)
 from eval.records.scrub import scrub_secrets
 from gavel_agents.llm import ChatModel, load_model, tell
 from gavel_agents.llm.batching import BatchingModel
+from gavel_agents.llm.deadline import DeadlineModel
 from gavel_agents.llm.replay import RecordingModel
 from gavel_agents.methods import METHODS
 from gavel_agents.pipeline import PlanningAgent
@@ -44,14 +45,22 @@ class Asked(NamedTuple):
     verdicts: tuple[str, ...]
 
 
-def recorder(planner: str, out: str | Path, threads: int) -> RecordingModel:
-    """Return a model that records what a planner answers, for so many threads.
+def recorder(planner: str, out: str | Path, threads: int, timeout_s: float | None = None) -> RecordingModel:
+    """Return a model that records what a planner answers.
+
+    Args:
+        planner: spec of the model.
+        out: the recording; an existing one is continued.
+        threads: from which it is asked.
+        timeout_s: of one call in all, with its retries; None = as the backend has it.
 
     Raises:
         BadPlannerSpec: unknown kind of planner, or what it needs is missing.
         DataError: `out` exists and is not a recording.
     """
     model = load_model(planner)
+    if timeout_s is not None:
+        model = DeadlineModel(model, timeout_s)
     if planner.partition(":")[0] in _BATCHED:
         model = BatchingModel(model, threads)
     return RecordingModel(model, out, scrub_secrets)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import re
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from multiprocessing.pool import ThreadPool
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+from gavel_agents.llm.deadline import TooSlow, within
 from gavel_agents.llm.interface import BadPlannerSpec, Completion, Message, Prompt
 from gavel_env.errors import EndpointError, ModelError
 
@@ -146,8 +145,8 @@ def retried(
     for attempt in range(retries.attempts):
         wait_s = min(retries.first_wait_s * 2.0**attempt, retries.longest_wait_s)
         try:
-            return _within(request, retries.timeout_s)
-        except _TooSlow:
+            return within(request, retries.timeout_s)
+        except TooSlow:
             why = f"no answer within {retries.timeout_s:g} s"
         except (sdk.AuthenticationError, sdk.PermissionDeniedError) as error:
             raise EndpointError(f"{who}: the key in {key_variable} was rejected (HTTP {error.status_code})") from None
@@ -167,28 +166,6 @@ def retried(
         if attempt + 1 < retries.attempts:
             sleep(wait_s)
     raise EndpointError(f"{who}: {why} (tried {retries.attempts} times)")
-
-
-class _TooSlow(Exception):
-    """A request was not answered in time."""
-
-
-def _within(request: Callable[[], Completion], seconds: float) -> Completion:
-    """Make a request that has so many seconds in all.
-
-    The timeouts of HTTP clients are of one read each, so a server that sends a byte now and then outlives them. What is
-    not answered in time is left to a thread that holds nothing up.
-
-    Raises:
-        _TooSlow: it was not answered.
-    """
-    pool = ThreadPool(1)
-    try:
-        return pool.apply_async(request).get(timeout=seconds)
-    except multiprocessing.TimeoutError:
-        raise _TooSlow from None
-    finally:
-        pool.close()
 
 
 def _asked_wait_s(error: Any) -> float | None:

@@ -96,16 +96,15 @@ HEAVY = ("numba", "cv2", "pandas", "torch", "matplotlib", "networkx", "transform
 
 def test_import_is_light_and_registers_the_environments() -> None:
     code = (
-        "import time; start = time.process_time(); import gavel_env; spent = time.process_time() - start\n"
-        "import sys, gymnasium\n"
-        f"print(spent, [m for m in {HEAVY} if m in sys.modules],"
-        " sorted(i for i in gymnasium.registry if i.startswith('Gavel-')))"
+        "import sys; import gavel_env\n"
+        "ours = sorted(m for m in sys.modules if m.partition('.')[0] in ('gavel_env', 'gavel_agents', 'eval'))\n"
+        "import gymnasium\n"
+        f"print([m for m in {HEAVY} if m in sys.modules], ours,"
+        " sorted(i for i in gymnasium.registry if i.startswith('Gavel-')), sep='|')"
     )
-    runs = [in_another_process(code, "0") for _ in range(3)]
-    spent = min(float(run.split()[0]) for run in runs)
-    assert spent <= 0.4
-    loaded, ids = runs[0].split(" ", 1)[1].split("] ")
-    assert loaded == "["
+    heavy, ours, ids = in_another_process(code, "0").split("|")
+    assert heavy == "[]"
+    assert ours == "['gavel_env']"
     assert "'Gavel-MultiTask-v0'" in ids
     assert "'Gavel-SingleTask-v0'" in ids
 

@@ -6,6 +6,7 @@ import gzip
 import json
 from pathlib import Path
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -42,6 +43,18 @@ def test_a_call_leads_to_what_was_asked_and_answered(tmp_path: Path) -> None:
     assert call.completion == Completion("GRASP mug", 10, 3, 0.5)
     assert call.decoding == {"temperature": 0.7, "seed": 0}
     assert read_conversations([tmp_path]).get("0" * 32) is None
+
+
+@pytest.mark.parametrize("reason", ["", "stop", "length", "filter"])
+def test_how_an_answer_ended_is_kept(tmp_path: Path, reason: str) -> None:
+    asked = exchange("a")
+    completion = msgspec.structs.replace(asked.completion, finish_reason=reason)
+    [key] = write(tmp_path / "conversations.jsonl.gz", msgspec.structs.replace(asked, completion=completion))
+    found = read_conversations([tmp_path])
+    call = found.get(key)
+    assert call is not None
+    assert (call.completion.finish_reason, call.completion.cut) == (reason, reason in ("length", "filter"))
+    assert not found.changed()
 
 
 def test_every_text_is_written_once_also_when_a_run_goes_on(tmp_path: Path) -> None:

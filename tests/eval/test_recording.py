@@ -22,6 +22,7 @@ from eval.run.runner import run, schedule
 from eval.studies.recording import Asked, record, recorder
 from gavel_agents.llm import ChatModel, Completion, Prompt, load_model
 from gavel_agents.llm.batching import BatchingModel
+from gavel_agents.llm.deadline import DeadlineModel
 from gavel_agents.llm.replay import RecordingModel, compact
 from gavel_agents.llm.service import ModelError
 from gavel_agents.understanding import load_understanding
@@ -181,3 +182,48 @@ def test_the_command_records_what_the_command_replays(
     with pytest.raises(SystemExit):
         main(["record", "--planner", SIMULATED, "--out", out, "--threads", "0"])
     assert "'0' is not a whole number above 0" in capsys.readouterr().err
+
+
+class Silent(Counted):
+    """A model that answers once it is let go."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.let_go = threading.Event()
+
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
+        self.let_go.wait()
+        return super().complete(prompts)
+
+
+def test_a_call_has_its_time_in_all_and_recording_goes_on_later(
+    few: InstructionSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = Silent()
+    monkeypatch.setattr(eval.studies.recording, "load_model", lambda spec: model)
+    out = str(tmp_path / "said.jsonl.gz")
+    chosen = ["--instructions", str(few.source), "--agents", "llm-only", "--out", out, "--threads", "2"]
+    asked = ["record", "--planner", "openai:m", *chosen]
+    assert main([*asked, "--timeout", "0.05"]) == 2
+    assert f"{model.name}: no answer within 0.05 s" in capsys.readouterr().err
+    model.let_go.set()
+    assert main([*asked, "--timeout", "600"]) == 0
+    assert len(model.asked) >= len(few)
+
+
+def test_what_a_model_says_and_refuses_passes_through_a_deadline(few: InstructionSet, tmp_path: Path) -> None:
+    one, other = tmp_path / "one.jsonl.gz", tmp_path / "other.jsonl.gz"
+    assert sorted(recorded(Counted(), few, one)) == sorted(recorded(DeadlineModel(Counted(), FOREVER_S), few, other))
+
+    def refuse(prompt: Prompt) -> None:
+        raise ModelError("the key was refused")
+
+    with pytest.raises(ModelError, match="the key was refused"):
+        recorded(DeadlineModel(Counted(refuse), FOREVER_S), few, tmp_path / "none.jsonl.gz")
+
+
+@pytest.mark.parametrize("said", ["0", "-1", "nan", "inf", "soon"])
+def test_a_timeout_is_a_number_above_0(tmp_path: Path, capsys: pytest.CaptureFixture[str], said: str) -> None:
+    with pytest.raises(SystemExit):
+        main(["record", "--planner", SIMULATED, "--out", str(tmp_path / "a.jsonl.gz"), "--timeout", said])
+    assert f"{said!r} is not a number above 0" in capsys.readouterr().err

@@ -13,13 +13,14 @@ from typing import Any
 import pytest
 
 from eval import evaluate
-from eval.records.conversations import read_conversations
+from eval.records.conversations import ConversationWriter, Exchange, read_conversations
 from eval.records.journal import RecordFile, read_records
 from eval.records.schema import Contestant, EpisodeRecord, Scenery, Step
 from eval.report.html import html_report
 from eval.run.contestants import choose
 from eval.run.episodes import EnvironmentSettings
 from eval.run.runner import run, schedule
+from gavel_agents.llm import Completion, Message
 from gavel_env.instructions.record import read_instructions, shipped
 
 CHROMIUM = next((path for path in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if path), None)
@@ -239,3 +240,23 @@ def test_hostile_names_and_texts_stay_text_and_play(tmp_path: Path) -> None:
     assert value == "4"
     assert marks == 0
     assert EVIL in heading
+
+
+def test_an_answer_that_was_cut_is_called_so(tmp_path: Path) -> None:
+    with ConversationWriter(tmp_path / "conversations.jsonl.gz") as writer:
+        calls = writer.add(
+            [
+                Exchange("m", {}, (Message("user", reason),), Completion("OPEN(", finish_reason=reason))
+                for reason in ("stop", "length", "filter")
+            ]
+        )
+    record = EpisodeRecord(
+        seed=0, instruction="i", kind="single", scene="Rs_int", text="Open it.", data="d", code="c",
+        contestant=Contestant("llm-only", config="c"), outcome="unmet", failure="unmet:open", calls=tuple(calls),
+    )  # fmt: skip
+    page = html_report(RecordFile((), {record.key: record}, ()), conversations=read_conversations([tmp_path]))
+    script = "return [...document.querySelectorAll('.cut')].map((p) => p.textContent)"
+    assert in_browser(page, tmp_path, script) == [
+        "answer cut at the most tokens",
+        "answer cut by a content filter",
+    ]

@@ -138,11 +138,14 @@ function difference(before, after) {
 
 // --- conversation
 
+const CUT = { length: "answer cut at the most tokens", filter: "answer cut by a content filter" };
+
 function conversation(calls) {
   const box = make("details", {}, make("summary", {}, `Conversation (${calls.length} ${calls.length === 1 ? "call" : "calls"})`));
   calls.forEach((call, i) => {
     const settings = Object.entries(call.decoding).map(([name, value]) => `${name} ${value}`).join(", ");
     box.append(make("p", { class: "facts" }, `${i + 1}. ${call.model} · ${settings} · ${call.tokens[0]} + ${call.tokens[1]} tokens · ${call.seconds} s`));
+    if (call.cut) box.append(make("p", { class: "facts cut" }, CUT[call.cut]));
     for (const [role, text] of call.turns)
       box.append(make("div", { class: `turn ${role === "answer" ? "answer" : ""}` }, make("b", {}, role), make("pre", {}, data.texts[text])));
   });
