@@ -165,20 +165,24 @@ _VESSELS = {"atomizer": ("spray", "atomizer"), "package": ("package", "pack"), "
             "can": ("can", "tin"), "carton": ("carton",), "sack": ("sack", "bag")}  # fmt: skip
 
 
-def _packed_goods(table: _Table, no_goods: frozenset[str]) -> None:
-    """Add `shampoo`, `bottle of shampoo` and `shampoo bottle` for every pack of shampoo."""
-    said: dict[str, list[str]] = {}
+def _packs() -> dict[str, tuple[str, tuple[str, ...]]]:
+    """Return each pack with its goods and names: `honey_jar` and `jar_of_honey` share `honey jar`."""
+    found = {}
     for category in default_ontology():
-        match = _PACKED.fullmatch(category)
-        if match is None:
-            continue
-        goods = normal_phrase(match["goods"] or match["stuff"])
-        vessel = match["pack"] or match["vessel"]
-        words = [] if goods in no_goods else [goods]
-        for pack in _VESSELS.get(vessel, (vessel,)):
-            words += [f"{pack} of {goods}", f"{goods} {pack}"]
-        for word in words:
-            said.setdefault(word, []).append(category)
+        if match := _PACKED.fullmatch(category):
+            goods = normal_phrase(match["goods"] or match["stuff"])
+            vessel = match["pack"] or match["vessel"]
+            packs = _VESSELS.get(vessel, (vessel,))
+            found[category] = goods, tuple(name for pack in packs for name in (f"{pack} of {goods}", f"{goods} {pack}"))
+    return found
+
+
+def _packed_goods(table: _Table, no_goods: frozenset[str]) -> None:
+    """Add `shampoo` for every pack of shampoo."""
+    said: dict[str, list[str]] = {}
+    for category, (goods, _) in _packs().items():
+        if goods not in no_goods:
+            said.setdefault(goods, []).append(category)
     for word, meant in said.items():
         if not table.knows(word):
             table.name(word, sorted(meant, key=_rank))
@@ -212,7 +216,8 @@ def build() -> bytes:
     vocabulary = default_vocabulary()
     things = _Table(default_ontology())
     _collected(things, household.things, household.categories)
-    _own_names(things, {category: vocabulary.nouns(category) for category in default_ontology()})
+    packs = {category: names for category, (_, names) in _packs().items()}
+    _own_names(things, {name: (*vocabulary.nouns(name), *packs.get(name, ())) for name in default_ontology()})
     _packed_goods(things, frozenset(household.no_goods))
     _lemmas(things, household.hypernyms, frozenset(map(normal_phrase, household.not_from_wordnet)))
     places = _Table(vocabulary.rooms)

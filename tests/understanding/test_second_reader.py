@@ -19,6 +19,7 @@ from gavel_agents.understanding.learned.spotted import pair_features, spotted
 from gavel_agents.understanding.pairs import read_samples
 from gavel_agents.understanding.second_reader import asks_second, combined, taken
 from gavel_env.errors import DataError
+from gavel_env.world_model.concepts import default_concepts
 from gavel_env.world_model.goals import parse_literal
 
 HOUSE = Counter({"kitchen": 1, "bedroom": 2, "living_room": 1})
@@ -92,6 +93,18 @@ def test_weights_of_another_format_are_an_error(tmp_path: Path) -> None:
     (tmp_path / "weights.safetensors").write_bytes(b"none")
     with pytest.raises(DataError, match="weights of the learned reader"):
         load_reader(tmp_path / "weights.safetensors")
+
+
+def test_a_noun_of_two_categories_is_either_of_them() -> None:
+    house = Counter({"kitchen": 1})
+    for text, members in (
+        ("Put the cutting boards in the sink.", {"cutting_board", "chopping_board"}),
+        ("Put the tissue box on the desk.", {"box_of_tissues", "tissue_dispenser"}),
+        ("The honey jar goes on the desk.", {"honey_jar", "jar_of_honey"}),
+    ):
+        meant = default_concepts().categories(spotted(text, house).mentions[0].name)
+        assert members <= set(meant), text
+        assert spotted(text, house).mentions[0].movable
 
 
 # --- floors ---------------------------------------------------------------------------------------------------------

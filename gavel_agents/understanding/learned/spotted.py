@@ -80,7 +80,7 @@ class Spotted(NamedTuple):
         named = known_nouns().get(words_of(mention.text))
         if named is None or mention.name not in (named.name, named.exact):
             return mention.name
-        return thing_named(named, mention.text, room, self.house)
+        return thing_named(named, mention.text, room, self.house, alike=True)
 
 
 def spotted(text: str, house: Counter[str] | None) -> Spotted:
@@ -128,7 +128,7 @@ def _mention(index: int, token: Token, house: Counter[str] | None) -> Mention:
             return Mention(index, name, token.text, True, False, False)
         name = named.thing
     else:
-        name = thing_named(named, token.text, None, house)
+        name = thing_named(named, token.text, None, house, alike=True)
     cabinet = named.name in CABINETS
     return Mention(index, name, token.text, False, Entity(name).movable, cabinet)
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import resources
 
-__all__ = ["could_act", "could_name", "is_english", "is_past", "stems"]
+__all__ = ["could_act", "could_name", "is_english", "is_past", "is_word", "stems"]
 
 
 @cache
@@ -41,6 +41,11 @@ _ENDINGS = (
 def is_english(word: str) -> bool:
     """Return whether a word, or what it is a form of, is in common use."""
     return any(stem in _letters() for stem in stems(word))
+
+
+def is_word(word: str) -> bool:
+    """Return whether a word, spelled as it is, is in common use: `cutting`, not `cuting` (though `cut` is one)."""
+    return word in _letters()
 
 
 def could_name(word: str) -> bool:

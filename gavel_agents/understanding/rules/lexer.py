@@ -8,8 +8,8 @@ from functools import cache
 from itertools import pairwise
 from typing import NamedTuple
 
-from gavel_agents.understanding.rules.english import is_english
-from gavel_agents.understanding.rules.nouns import known_nouns, only_led, words_of
+from gavel_agents.understanding.rules.english import is_english, is_word
+from gavel_agents.understanding.rules.nouns import known_nouns, only_led, plurals, words_of
 from gavel_agents.understanding.rules.spelling import Speller, distance
 from gavel_agents.understanding.rules.words import Kind, closed_words, word_lists
 
@@ -212,6 +212,7 @@ def _speller() -> Speller:
 
 
 _ACTING = (Kind.VERB, Kind.WISH)
+_COMPLETED = (Kind.NOUN, Kind.UNKNOWN, Kind.FILLER)
 _LEADS = (Kind.DETERMINER, Kind.ADJECTIVE, Kind.ROOM, Kind.QUANTIFIER, Kind.COUNT, Kind.POSSESSIVE)
 _ARGUMENT = (*_LEADS, Kind.VERB, Kind.PREPOSITION)
 
@@ -240,7 +241,7 @@ def _read_run(pieces: Sequence[_Piece], tokens: list[Token]) -> None:
             word = words[position]
             token = Token(Kind.COUNT, word, word) if word.isdigit() else Token(Kind.UNKNOWN, word, word)
             count = 1
-        longer = _completed(words, position, count) if token.kind is Kind.NOUN else None
+        longer = _completed(words, position, count) if token.kind in _COMPLETED else None
         if longer is not None:
             count, token = longer
         first, last = pieces[position], pieces[position + count - 1]
@@ -273,13 +274,30 @@ def _longest(words: Sequence[str], start: int, before: Token | None) -> tuple[in
         count = len(entry.words)
         if count > 1 and tuple(words[start : start + count]) != entry.words:
             continue
-        alone = before is None and start == 0 and count == len(words)
+        if entry.closed is not None and entry.closed.kind is Kind.FILLER and _leads_noun(words, start, count):
+            continue
+        alone = (before is None and start == 0 and count == len(words)) or _stands_first(words, start + count, before)
         if entry.noun is not None and entry.closed is None and only_led(entry.words) and not (_led(before) or alone):
             return count, Token(Kind.FILLER, "", " ".join(entry.words))
         if entry.noun is None or entry.closed is None:
             return count, entry.noun or entry.closed
         return count, entry.noun if _is_noun(words, start + count, entry, before) else entry.closed
     return 0, None
+
+
+def _leads_noun(words: Sequence[str], start: int, count: int) -> bool:
+    """Return whether the end of a phrase begins a noun that goes on: `a little train` is not `a little`."""
+    after = [e.words for e in _phrases().get(words[start + 1], ()) if e.noun is not None] if count == 2 else []
+    return any(len(noun) > 1 and tuple(words[start + 1 : start + 1 + len(noun)]) == noun for noun in after)
+
+
+def _stands_first(words: Sequence[str], after: int, before: Token | None) -> bool:
+    """Return whether a word is the first of a note, and what follows says where: `jam in the cabinet`."""
+    following = words[after] if after < len(words) else ""
+    return (before is None or before.kind is Kind.AND) and following in _WHERE
+
+
+_WHERE = frozenset(["in", "on", "from", "to", "into", "onto", "inside", "and", "n", "out", "off", "goes", "belongs"])
 
 
 def _led(before: Token | None) -> bool:
@@ -290,15 +308,24 @@ def _is_noun(words: Sequence[str], after: int, entry: _Entry, before: Token | No
     """Return whether a word that may be a noun or do something (`watch`, `can`, `light`) is a noun here."""
     assert entry.closed is not None
     following = words[after] if after < len(words) else ""
-    if entry.words in (("lights",), ("light",)) and following in ("on", "off", "out", "needs", "should", "is"):
+    if entry.words in (("lights",), ("light",)) and (following in _LIT or (before and before.text in _POINTING)):
         return True  # lights on
+    if " ".join(entry.words) in word_lists().lists.named_first and (before is None or before.kind is Kind.FACT):
+        return following in _WHERE or (not following and entry.closed.kind is Kind.VERB)
     if before is None:
         return False
+    if before.kind is Kind.AND and entry.closed.kind is Kind.FILLER:
+        return True  # bread and honey
     if before.kind is Kind.DETERMINER and before.text in ("that", "this", "its") and entry.closed.kind is not Kind.VERB:
         return False
     if entry.closed.kind is Kind.VERB and before.kind in _ARGUMENT and before.value != "to":
         return not (before.kind is Kind.VERB and entry.closed.form != "base")
     return before.kind in _LEADS and before.kind is not Kind.ROOM
+
+
+_LIT = frozenset(
+    ["on", "off", "out", "needs", "should", "is", "in", "of", "at", "was", "shall", "still", "must", "stays"]
+)
 
 
 def _short_is(words: Sequence[str], start: int, before: Token | None) -> Token:
@@ -319,19 +346,52 @@ def _repair(words: Sequence[str], at: int, name: bool) -> tuple[list[str], bool]
     word, following = words[at], words[at + 1] if at + 1 < len(words) else ""
     if following and following.isalpha() and (word + following) in _phrases():
         return [word + following], True
+    first = _first_mended(word, following)
+    if first is not None:
+        return [first], False
     split = _speller().split(word)
     if split:
         return list(split), False
+    for plural in plurals(word.removesuffix("s")) if word.endswith("s") and len(word) > _LEAST else ():
+        if plural in _phrases():
+            return [plural], False  # knifes, strawberrys
     shorter = re.sub(r"(.)\1{2,}", r"\1\1", word)
-    for candidate in (shorter, re.sub(r"(.)\1+", r"\1", shorter)) if shorter != word else ():
-        if candidate in _phrases():
+    single = re.sub(r"(.)\1+", r"\1", shorter)
+    for candidate in (shorter, single) if shorter != word or not is_english(word) else ():
+        if candidate != word and candidate in _phrases():
             return [candidate], False
     if is_english(word) or len(word) < _LEAST or word.isdigit() or name:
         return None
     near = _speller().nearest(word)
+    if len(near) > 1 and len({_named(w) for w in near} - {""}) == 1 and all(map(_named, near)):
+        near = near[:1]  # two spellings of one noun
     if len(near) > 1:  # the coffe table
         near = tuple(w for w in near if any(e.words[:2] == (w, following) for e in _phrases().get(w, ())))
     return ([near[0]], False) if len(near) == 1 else None
+
+
+def _first_mended(word: str, following: str) -> str | None:
+    """Return what the first word of a noun was meant to be, though its stem is a word: `cuting board`."""
+    if len(word) <= _LEAST or is_word(word):
+        return None
+    near = {first for first in _firsts().get(following, ()) if first[0] == word[0] and distance(first, word) == 1}
+    return near.pop() if len(near) == 1 else None
+
+
+@cache
+def _firsts() -> Mapping[str, frozenset[str]]:
+    """Return the first words of the nouns of two words, by the second."""
+    table: dict[str, set[str]] = {}
+    for first, entries in _phrases().items():
+        for entry in entries:
+            if entry.noun is not None and len(entry.words) == 2:
+                table.setdefault(entry.words[1], set()).add(first)
+    return {second: frozenset(firsts) for second, firsts in table.items()}
+
+
+def _named(word: str) -> str:
+    """Return what a word by itself is the noun of, or nothing."""
+    return next((e.noun.value for e in _phrases().get(word, ()) if len(e.words) == 1 and e.noun is not None), "")
 
 
 def _told(tokens: list[Token]) -> list[Token]:

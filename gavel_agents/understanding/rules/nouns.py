@@ -177,7 +177,13 @@ def only_led(words: Iterable[str]) -> bool:
     return any(stem in word_lists().lists.only_led for stem in (said, said.removesuffix("s"), said.removesuffix("es")))
 
 
-def thing_named(named: Named, text: str, room: str | None, house: Counter[str] | None) -> str:
+@cache
+def _alike() -> frozenset[str]:
+    nouns = word_lists().lists.alike
+    return nouns.union(*(plurals(noun) for noun in nouns))
+
+
+def thing_named(named: Named, text: str, room: str | None, house: Counter[str] | None, *, alike: bool = False) -> str:
     """Return the name of what a phrase for a thing designates.
 
     What is carried about and has a name of its own is that; a piece of furniture may be any of its concept, for which
@@ -189,12 +195,15 @@ def thing_named(named: Named, text: str, room: str | None, house: Counter[str] |
         text: the phrase.
         room: said with it, or None.
         house: how many rooms of each type the house has, or None if it is not known.
+        alike: of things that people do not tell apart by the noun (`cutting board`), any may be meant.
     """
     if not named.exact or named.kind is Kind.ROOM:
         return named.thing or named.name
     first = text in _FIRST and (room is None or house is None or house[room] != 1)
-    if house is None or first or text in _ALWAYS_FIRST or kinds_of(named.exact)[0].graspable:
+    if house is None or first or text in _ALWAYS_FIRST:
         return named.exact
+    if kinds_of(named.exact)[0].graspable:
+        return named.name if alike and text in _alike() else named.exact
     return named.name
 
 

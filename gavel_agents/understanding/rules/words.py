@@ -71,11 +71,15 @@ class _Lists(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         told: verbs by which someone tells where a thing is: `Tom dropped it on the sofa`.
         persons: who may do something, other than the speaker.
         only_led: nouns that are nouns only after an article or the like.
+        alike: nouns of things that several categories are, which people do not tell apart by the noun.
+        named_first: words that may be verbs and yet name a thing at the start of a note: `whisk: in the sink`.
     """
 
     doubling: frozenset[str]
     told: frozenset[str]
     only_led: frozenset[str]
+    alike: frozenset[str]
+    named_first: frozenset[str]
     persons: frozenset[str]
 
 
