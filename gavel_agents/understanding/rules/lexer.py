@@ -294,9 +294,10 @@ def _leads_noun(words: Sequence[str], start: int, count: int) -> bool:
 def _stands_first(words: Sequence[str], after: int, before: Token | None) -> bool:
     """Return whether a word is the first of a note, and what follows says where: `jam in the cabinet`."""
     following = words[after] if after < len(words) else ""
-    return (before is None or before.kind is Kind.AND) and following in _WHERE
+    return (before is None or before.kind in _OPENING) and following in _WHERE
 
 
+_OPENING = (Kind.AND, Kind.ALSO, Kind.THEN, Kind.FACT)
 _WHERE = frozenset(["in", "on", "from", "to", "into", "onto", "inside", "and", "n", "out", "off", "goes", "belongs"])
 
 
