@@ -20,7 +20,7 @@ from gavel_env.data import read_bytes, shipped_data
 from gavel_env.errors import BadOption, InstructionError, UnknownInstruction
 from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.initial_graph import instruction_graph
-from gavel_env.instructions.record import Instruction, InstructionSet, parse_instruction, read_instructions
+from gavel_env.instructions.record import Instruction, InstructionSet, parse_instruction, read_instructions, scene_beside
 from gavel_env.world_model.actions import Action
 from gavel_env.world_model.dynamics import Profile
 from gavel_env.world_model.goals import Goal, GoalText, as_goal, check_goal
@@ -282,7 +282,8 @@ def find_instruction(source: str | Path | Mapping[str, Any]) -> Instruction:
 
 def _from_file(path: Path, wanted: str) -> Instruction:
     if path.suffix == ".json":
-        return parse_instruction(read_bytes(path, "instruction file", InstructionError), str(path))
+        record = parse_instruction(read_bytes(path, "instruction file", InstructionError), str(path))
+        return scene_beside(record, path.parent, str(path))
     records: InstructionSet = read_instructions(path)
     if wanted:
         return records[wanted]

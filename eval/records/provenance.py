@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import platform
 import subprocess
 from collections.abc import Iterable
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import msgspec
 
+from gavel_env.house.scenes import scene_names
 from gavel_env.instructions.record import Instruction
 
 __all__ = ["code_version", "data_stamp", "file_stamp", "now", "stamp", "versions"]
@@ -33,6 +35,8 @@ def file_stamp(path: str | Path) -> str:
     Files of more than 64 MiB (weights) are told by their size and their first and last MiB.
     """
     path = Path(path)
+    if not os.path.isfile(path) and not os.path.isdir(path):  # these two bear any name
+        return ""  # nothing there, or a pipe or device, which may never end
     if path.is_dir():
         return stamp(*((str(p.relative_to(path)), file_stamp(p)) for p in sorted(path.rglob("*")) if p.is_file()))
     try:
@@ -51,10 +55,13 @@ def file_stamp(path: str | Path) -> str:
 def data_stamp(instructions_stamp: str, instructions: Iterable[Instruction]) -> str:
     """Return the stamp of all that episodes are built from: the instruction file, its scenes and the ontology."""
     data = resources.files("envs_data")
+    known = frozenset(scene_names())
     scenes = {}
     for scene in sorted({instruction.scene for instruction in instructions}):
-        shipped = Path(str(data / "scenes" / f"{scene}.json"))
-        scenes[scene] = file_stamp(shipped if shipped.is_file() else scene)
+        if scene in known:
+            scenes[scene] = file_stamp(Path(str(data / "scenes" / f"{scene}.json")))
+        else:  # whatever else a line calls its scene is not opened
+            scenes[scene] = file_stamp(scene) if scene.endswith(".json") and not os.path.isdir(scene) else ""
     return stamp(instructions_stamp, scenes, file_stamp(Path(str(data / "ontology.json"))))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, Literal, NamedTuple
 
 import msgspec
@@ -27,6 +27,7 @@ __all__ = [
     "Rejected",
     "TaskSpec",
     "read_instructions",
+    "scene_beside",
     "shipped",
     "shipped_instructions",
 ]
@@ -89,7 +90,7 @@ class Instruction(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_
 
     Attributes:
         id: unique in its file.
-        scene: name of a shipped scene, or path of a scene file.
+        scene: name of a shipped scene, or path of a scene file; in an instruction file, within that file's folder.
         text: the sentence(s) the agent reads.
         placements: movables added to the scene.
         tasks: the independent tasks that make it up (one for single-task instructions).
@@ -204,8 +205,39 @@ def _check_texts(record: Instruction, place: str) -> None:
             )
 
 
+def scene_beside(record: Instruction, folder: Path, place: str) -> Instruction:
+    """Return a record of a file, its scene's path from where the process is.
+
+    A file that somebody else wrote must not make anybody read what lies elsewhere, nor say whether it is there.
+
+    Args:
+        record: as read; a scene that is not a `.json` file has a name and stays as it is.
+        folder: in which the instruction file lies.
+        place: of the line, for errors.
+
+    Raises:
+        InstructionError: the path leaves the folder, by `..`, from the root, or through a link.
+    """
+    if not record.scene.endswith(".json"):
+        return record
+    path = PurePosixPath(record.scene)
+    written = PureWindowsPath(record.scene)
+    if written.anchor or path.is_absolute() or ".." in (*path.parts, *written.parts):
+        inside = False
+    else:
+        inside = (folder / path).resolve().is_relative_to(folder.resolve())
+    if not inside:
+        raise InstructionError(
+            f"{place}: instruction {record.id!r}: the scene {record.scene[:80]!r} lies outside the folder of the "
+            "instruction file; expected a path within it, such as 'my_house.json', or the name of a shipped scene"
+        )
+    return msgspec.structs.replace(record, scene=str(folder / path))
+
+
 def read_instructions(path: str | Path) -> InstructionSet:
     """Read an instruction file; bad lines and repeated ids are rejected with their reason, the others kept.
+
+    Paths of scene files are those from the file's folder, and stay within it.
 
     Raises:
         InstructionError: the file cannot be read, or holds no good line.
@@ -218,6 +250,7 @@ def read_instructions(path: str | Path) -> InstructionSet:
             continue
         try:
             record = parse_instruction(line, f"{path}:{number}")
+            record = scene_beside(record, Path(path).parent, f"{path}:{number}")
         except InstructionError as error:
             rejected.append(Rejected(number, str(error)))
             continue

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from eval.cli import main
+from gavel_agents.verification import find_instruction
+from gavel_env.data import shipped_data
+from gavel_env.errors import InstructionError
+from gavel_env.instructions.record import read_instructions
 
 MILK: dict[str, Any] = {
     "id": "milk",
@@ -141,3 +146,52 @@ def test_the_oracle_orders_tasks_that_drop_something_and_come_back_to_it(
     }
     outcomes, _ = evaluated(tmp_path, [record], {}, capsys, "oracle")
     assert outcomes["oracle"] == {"drop": "success"}
+
+
+def with_house(folder: Path, scene: str) -> Path:
+    """Write a house into a folder, and an instruction file in its folder `mine`."""
+    (folder / "mine" / "houses").mkdir(parents=True)
+    for house in (folder / "house.json", folder / "mine" / "houses" / "house.json"):
+        house.write_bytes(shipped_data("scenes", "Rs_int.json").read_bytes())
+    file = folder / "mine" / "mine.jsonl"
+    file.write_text(json.dumps(MILK | {"scene": scene}))
+    return file
+
+
+def test_a_scene_file_lies_where_the_instruction_file_says_it_lies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = with_house(tmp_path, "houses/house.json")
+    out = ["--out", str(tmp_path / "run"), "--quiet"]
+    assert main(["eval", "--instructions", str(file), "--agents", "oracle", *out]) == 0
+    [line] = [json.loads(x) for x in (tmp_path / "run" / "records.jsonl").read_text().splitlines() if "outcome" in x]
+    assert line["outcome"] == "success"
+    monkeypatch.chdir(file.parent)
+    assert read_instructions("mine.jsonl")["milk"].scene == "houses/house.json"
+
+
+@pytest.mark.parametrize(
+    "scene", ["../house.json", "houses/../../house.json", "/house.json", "..\\house.json", "C:\\house.json", "link.json"]
+)
+def test_a_scene_file_outside_the_folder_of_the_instruction_file_is_not_read(tmp_path: Path, scene: str) -> None:
+    file = with_house(tmp_path, str(tmp_path / "house.json") if scene.startswith("/") else scene)
+    (file.parent / "link.json").symlink_to(tmp_path / "house.json")
+    with pytest.raises(InstructionError, match=r"mine\.jsonl:1: instruction 'milk': the scene .* lies outside"):
+        read_instructions(file)
+    alone = file.with_suffix(".json")
+    alone.write_bytes(file.read_bytes())
+    with pytest.raises(InstructionError, match="lies outside the folder of the instruction file"):
+        find_instruction(alone)
+
+
+def test_a_scene_that_is_no_scene_file_is_rejected_at_once(tmp_path: Path) -> None:
+    names = ("pipe.json", "pipe", "folder.json", "/", "/dev/zero", "\U0001f600" * 240 + ".json")
+    file = with_house(tmp_path, "Rs_int")
+    file.write_text("\n".join(json.dumps(MILK | {"id": f"i{k}", "scene": name}) for k, name in enumerate(names)))
+    os.mkfifo(file.parent / "pipe.json")
+    os.mkfifo(file.parent / "pipe")
+    (file.parent / "folder.json").mkdir()
+    (file.parent / "folder.json" / "more").write_text("x")
+    assert main(["eval", "--instructions", str(file), "--agents", "oracle", "--out", str(tmp_path / "run")]) == 1
+    lines = [json.loads(line) for line in (tmp_path / "run" / "records.jsonl").read_text().splitlines()]
+    assert [line["outcome"] for line in lines if "outcome" in line] == ["rejected"] * len(names)
