@@ -20,7 +20,13 @@ from gavel_env.data import read_bytes, shipped_data
 from gavel_env.errors import BadOption, InstructionError, UnknownInstruction
 from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.initial_graph import instruction_graph
-from gavel_env.instructions.record import Instruction, InstructionSet, parse_instruction, read_instructions, scene_beside
+from gavel_env.instructions.record import (
+    Instruction,
+    InstructionSet,
+    parse_instruction,
+    read_instructions,
+    scene_beside,
+)
 from gavel_env.world_model.actions import Action
 from gavel_env.world_model.dynamics import Profile
 from gavel_env.world_model.goals import Goal, GoalText, as_goal, check_goal

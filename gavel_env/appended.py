@@ -6,8 +6,10 @@ else is damaged is passed over, in a stream and with caps, since a few megabytes
 
 from __future__ import annotations
 
+import errno
 import mmap
 import os
+import stat
 import sys
 import zlib
 from collections.abc import Iterator
@@ -48,9 +50,12 @@ def read_members(path: str | Path) -> Iterator[Member]:
     Raises:
         OSError: the file cannot be read.
     """
+    found = Path(path).stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "it is not a regular file")
+    if not found.st_size:
+        return
     with Path(path).open("rb") as file:
-        if not Path(path).stat().st_size:
-            return
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as packed:
             position = wasted = 0
             while wasted < _WASTED_BYTES and (start := packed.find(_MAGIC, position)) >= 0:

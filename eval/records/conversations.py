@@ -14,14 +14,13 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
 from eval.records.scrub import scrubbed
 from gavel_agents.llm import Completion, Message
-from gavel_env.appended import read_members
-from gavel_env.data import convert
+from gavel_env.appended import cut_member, read_members
 from gavel_env.errors import DataError
 
 __all__ = [
@@ -37,6 +36,10 @@ __all__ = [
 ]
 
 FILE = "conversations.jsonl.gz"
+
+MOST_BYTES = 1 << 30
+"""Of one file, as unpacked: some 100,000 calls of several pages each."""
+
 _SYNC_S = 1.0
 
 
@@ -81,7 +84,7 @@ class StoredCall(msgspec.Struct, frozen=True, tag_field="kind", tag="call", omit
     id: str
     model: str
     decoding: dict[str, str | float | int]
-    messages: tuple[tuple[str, str], ...]
+    messages: tuple[tuple[Literal["system", "user", "assistant"], str], ...]
     completion: str
     schema: str = ""
     prompt_tokens: int = 0
@@ -151,7 +154,7 @@ class Conversations:
             stored.id,
             stored.model,
             stored.decoding,
-            tuple(convert({"role": r, "content": self._texts[t]}, Message) for r, t in stored.messages),
+            tuple(Message(role, self._texts[text]) for role, text in stored.messages),
             Completion(
                 self._texts[stored.completion],
                 stored.prompt_tokens,
@@ -172,17 +175,20 @@ def read_conversations(paths: Iterable[str | Path]) -> Conversations:
     """Read the conversations of record files, or of folders with one; files of runs that kept none are passed over.
 
     Raises:
-        DataError: a file cannot be read.
+        DataError: a file cannot be read, or unpacks to more than `MOST_BYTES`.
     """
     calls: dict[str, StoredCall] = {}
     texts: dict[str, str] = {}
     damaged: list[str] = []
     for path in map(conversations_of, paths):
-        if not path.is_file():
+        if not os.path.exists(path):
             continue
-        end = 0
+        end = total = 0
         try:
             for member in read_members(path):
+                total += len(member.content)
+                if total > MOST_BYTES:
+                    raise DataError(f"conversations {path} unpack to more than {MOST_BYTES} bytes; split the run")
                 if member.start != end:
                     damaged.append(f"{path}: bytes {end} to {member.start} cannot be read")
                 end = member.end
@@ -191,10 +197,10 @@ def read_conversations(paths: Iterable[str | Path]) -> Conversations:
                         texts.setdefault(entry.id, entry.text)
                     else:
                         calls.setdefault(entry.id, entry)
+            if end != path.stat().st_size:
+                damaged.append(f"{path}: bytes from {end} cannot be read")
         except OSError as error:
             raise DataError(f"conversations {path} cannot be read: {error.strerror}") from error
-        if end != path.stat().st_size:
-            damaged.append(f"{path}: bytes from {end} cannot be read")
     return Conversations(calls, texts, damaged)
 
 
@@ -209,7 +215,7 @@ def _entries(content: bytes, path: Path, damaged: list[str]) -> Iterable[_Entry]
 def conversations_of(path: str | Path) -> Path:
     """Return where the conversations of a record file, or of the folder of a run, lie."""
     path = Path(path)
-    if path.is_dir():
+    if os.path.isdir(path):
         return path / FILE
     return path if path.name.endswith(".gz") else conversations_beside(path)
 
@@ -223,7 +229,9 @@ class ConversationWriter:
     """Appends what is new to the conversations of a run, which only this process writes."""
 
     def __init__(self, path: str | Path) -> None:
-        """Open the file, or begin it with the first call; a torn end is cut off, and nothing else is ever rewritten.
+        """Open the file, or begin it with the first call.
+
+        What a killed run left torn at its end is cut off; whatever else cannot be read stays as it is.
 
         Raises:
             DataError: the file cannot be read or written.
@@ -234,14 +242,15 @@ class ConversationWriter:
         self._synced_s = time.monotonic()
         end = 0
         try:
-            if self.path.exists():
+            if os.path.exists(self.path):
                 for member in read_members(self.path):
                     end = member.end
                     self._known.update(entry.id for entry in _entries(member.content, self.path, []))
-                if end != self.path.stat().st_size:
-                    os.truncate(self.path, end)  # a killed run was writing here
-        except OSError as error:
-            raise DataError(f"conversations {self.path} cannot be opened: {error.strerror}") from error
+                if end != self.path.stat().st_size and cut_member(self.path, end) is not None:
+                    os.truncate(self.path, end)
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise DataError(f"conversations {self.path} cannot be opened: {reason}") from error
 
     def add(self, exchanges: Sequence[Exchange]) -> list[str]:
         """Write the texts and calls that are new, as one member; return the ids of all calls, in order.
@@ -292,8 +301,9 @@ class ConversationWriter:
             written = os.write(self._descriptor, packed)
             if time.monotonic() - self._synced_s >= _SYNC_S:
                 self._sync()
-        except OSError as error:
-            raise DataError(f"conversations {self.path} cannot be written: {error.strerror}") from error
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise DataError(f"conversations {self.path} cannot be written: {reason}") from error
         if written != len(packed):
             raise DataError(f"conversations {self.path}: {written} of {len(packed)} bytes written; is the disk full?")
 

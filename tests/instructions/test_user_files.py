@@ -171,7 +171,8 @@ def test_a_scene_file_lies_where_the_instruction_file_says_it_lies(
 
 
 @pytest.mark.parametrize(
-    "scene", ["../house.json", "houses/../../house.json", "/house.json", "..\\house.json", "C:\\house.json", "link.json"]
+    "scene",
+    ["../house.json", "houses/../../house.json", "/house.json", "..\\house.json", "C:\\house.json", "link.json"],
 )
 def test_a_scene_file_outside_the_folder_of_the_instruction_file_is_not_read(tmp_path: Path, scene: str) -> None:
     file = with_house(tmp_path, str(tmp_path / "house.json") if scene.startswith("/") else scene)
