@@ -55,17 +55,16 @@ def read_members(path: str | Path) -> Iterator[Member]:
         raise OSError(errno.EINVAL, "it is not a regular file")
     if not found.st_size:
         return
-    with Path(path).open("rb") as file:
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as packed:
-            position = wasted = 0
-            while wasted < _WASTED_BYTES and (start := packed.find(_MAGIC, position)) >= 0:
-                content, end, _ = _unpack(packed, start)
-                if end is None:
-                    position = start + 1
-                    wasted += len(content)
-                else:
-                    yield Member(start, end, content)
-                    position = end
+    with Path(path).open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as packed:
+        position = wasted = 0
+        while wasted < _WASTED_BYTES and (start := packed.find(_MAGIC, position)) >= 0:
+            content, end, _ = _unpack(packed, start)
+            if end is None:
+                position = start + 1
+                wasted += len(content)
+            else:
+                yield Member(start, end, content)
+                position = end
 
 
 def cut_member(path: str | Path, start: int) -> bytes | None:
