@@ -11,13 +11,15 @@ from gymnasium.utils import RecordConstructorArgs
 
 from gavel_env.envs.env import BadEnvironmentOption, GavelEnv
 from gavel_env.envs.goal_slots import can_be_searched_for, goal_designators
-from gavel_env.errors import MalformedAction
+from gavel_env.errors import BadAction, MalformedAction, ResetNeeded
 from gavel_env.exchange import EnvAction
 from gavel_env.world_model.actions import Action, parse_action
 from gavel_env.world_model.goals import fitting
 from gavel_env.world_model.narration import commands, look, nearest_commands, outcome_text
 
 __all__ = ["TextGame"]
+
+_LONGEST = 10_000  # characters of a command
 
 _Step = tuple[str, float, bool, bool, dict[str, Any]]
 
@@ -89,6 +91,7 @@ class TextGame(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
             raise BadEnvironmentOption(f"max_commands is {max_commands!r}; it must be at least 1")
         self._base = base
         self._most = max_commands
+        self._commands: int | None = None
         self.action_space = spaces.Text(max_length=256, min_length=1, charset=string.printable)
         self.observation_space = spaces.Text(max_length=100_000, min_length=1, charset=string.printable)
 
@@ -102,7 +105,18 @@ class TextGame(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         return text, self._info(info["outcome"], info["metres"], info["instruction_id"], won=False)
 
     def step(self, action: str) -> _Step:
-        """Carry out a command, or answer it."""
+        """Carry out a command, or answer it.
+
+        Raises:
+            BadAction: it is not a text, or longer than any command.
+            ResetNeeded: no game has begun.
+        """
+        if not isinstance(action, str):
+            raise BadAction(f"a command is a text, such as 'go to fridge_0', not {type(action).__name__}")
+        if len(action) > _LONGEST:
+            raise BadAction(f"a command of {len(action)} characters; at most {_LONGEST}")
+        if self._commands is None:
+            raise ResetNeeded("the game has not begun; call reset first")
         self._commands += 1
         cut = self._commands >= self._most
         told = self._tell(action)

@@ -24,6 +24,9 @@ from gavel_env.world_model.own_categories import OwnCategory
 __all__ = ["FORMAT", "GraphFile", "graph_from", "graph_from_json", "graph_to_json"]
 
 FORMAT = "gavel-graph/1"
+_HIGHEST = 100
+"""Things that stand in or on one another, at most."""
+
 _ID = re.compile(r"[^\W\d_][\w.']*")
 
 
@@ -260,17 +263,21 @@ class _Reader:
         return supports, {holder: tuple(sorted(items)) for holder, items in contents.items()}
 
     def _check_cycles(self, supports: Mapping[str, Support]) -> None:
-        grounded: set[str] = set()
+        height: dict[str, int] = {}
         for start in supports:
             chain: dict[str, None] = {}
             obj = start
-            while obj in supports and supports[obj].relation <= Relation.INSIDE and obj not in grounded:
+            while obj in supports and supports[obj].relation <= Relation.INSIDE and obj not in height:
                 if obj in chain:
                     ring = [*list(chain)[list(chain).index(obj) :], obj]
                     raise self.error(f"nodes[{self.node_ids[obj]}]", f"cycle of supports: {' in or on '.join(ring)}")
                 chain[obj] = None
                 obj = supports[obj].holder
-            grounded.update(chain)
+            for above in reversed(chain):
+                height[above] = height.get(supports[above].holder, 0) + 1
+                if height[above] > _HIGHEST:
+                    path = f"nodes[{self.node_ids[above]}]"
+                    raise self.error(path, f"{above!r} stands on {height[above]} others; at most {_HIGHEST}")
 
     def _check_rooms(self, supports: Mapping[str, Support]) -> None:
         for i, entry in enumerate(self.file.nodes):

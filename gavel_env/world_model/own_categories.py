@@ -23,6 +23,11 @@ from gavel_env.world_model.ontology import Category, Mount, Ontology, Temperatur
 
 __all__ = ["CategoryFile", "OwnCategory", "extended", "read_categories"]
 
+_LONGEST_LINE = 50
+"""Categories that are `like` one another in a line, at most."""
+
+_MOST_METRES, _MOST_KG = 1e3, 1e6
+
 
 class OwnCategory(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """A category as a user writes it: `like`, and every field of `Category` that differs from that one.
@@ -105,7 +110,8 @@ def extended(ontology: Ontology, table: Mapping[str, Any] | Path, place: str = "
     """Return an ontology with categories of one's own; `Ontology.extend` is the same.
 
     Raises:
-        CategoryError: malformed; `like` names nothing known, or goes in a circle; a name that goals cannot write.
+        CategoryError: malformed; `like` names nothing known, goes in a circle or on for too long; a name that goals
+            cannot write; a size or mass that nothing has.
     """
     if isinstance(table, Path):
         place, table = f"category file {table}", read_categories(table)
@@ -133,9 +139,12 @@ def _make(
     here = f"{place}: $.categories.{name}"
     if name in above:
         raise CategoryError(f"{here}.like goes in a circle: {' -> '.join((*above[above.index(name) :], name))}")
+    if len(above) > _LONGEST_LINE:
+        raise CategoryError(f"{here}.like: {above[0]} is like it through {len(above)} others; at most {_LONGEST_LINE}")
     if not name.isidentifier() or name != name.lower() or is_concept(name):
         raise CategoryError(f"{here}: a category is written in small letters, digits and _, and not any_…")
     entry = own[name]
+    _check_measures(entry, here)
     base = Category(name=name, synset="", source="user")
     if entry.like is not None:
         if entry.like in own and (entry.like != name or name not in ontology):
@@ -152,6 +161,14 @@ def _make(
     joined = frozenset((*base.concepts, *entry.concepts))
     made[name] = msgspec.structs.replace(base, name=name, words=entry.words, concepts=joined, **said)
     return made[name]
+
+
+def _check_measures(entry: OwnCategory, here: str) -> None:
+    """Check that lengths and weights are those of a thing; comparisons with a number that is none are false."""
+    if entry.size_m is not None and not all(0.0 < side <= _MOST_METRES for side in entry.size_m):
+        raise CategoryError(f"{here}.size_m: {list(entry.size_m)}; expected metres above 0, to {_MOST_METRES:g}")
+    if entry.mass_kg is not None and not 0.0 < entry.mass_kg <= _MOST_KG:
+        raise CategoryError(f"{here}.mass_kg: {entry.mass_kg}; expected kilograms above 0, to {_MOST_KG:g}")
 
 
 def _known(name: str, ontology: Ontology, here: str) -> Category:

@@ -17,7 +17,7 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.hostile import fuzzed, harmless, times
+from support.hostile import changed_within, fuzzed, harmless, times
 
 from eval.cli import main
 from eval.records.journal import RecordWriter, read_records
@@ -72,17 +72,6 @@ def test_a_file_that_is_none_is_said(tmp_path: Path, name: str, kind: str) -> No
         READERS[name](path if name != "answers.jsonl" else str(path))  # type: ignore[operator]
 
 
-def change(value: Any, way: list[int], to: Any) -> Any:
-    """Return JSON-like data with one thing in it replaced, found by going `way` down."""
-    if not way or not isinstance(value, dict | list) or not value:
-        return to
-    if isinstance(value, dict):
-        key = sorted(value)[way[0] % len(value)]
-        return {**value, key: change(value[key], way[1:], to)}
-    at = way[0] % len(value)
-    return [*value[:at], change(value[at], way[1:], to), *value[at + 1 :]]
-
-
 JUNK = st.sampled_from(
     [None, True, -1, 0, 1e6, 1e300, -1e300, 10**40, "", "x", "a\nb", "robot", "kitchen_0", [], {}, [[]]]
 )
@@ -97,7 +86,7 @@ def test_a_scene_with_one_thing_changed_is_read_or_said(tmp_path_factory: Any, w
     from gavel_env.house.floor_map import floor_map
 
     path = tmp_path_factory.mktemp("scene") / "mine.json"
-    path.write_bytes(msgspec.json.encode(change(SCENE, way, to)))
+    path.write_bytes(msgspec.json.encode(changed_within(SCENE, way, to)))
     scene = harmless(load_scene, path)
     if not isinstance(scene, Exception):
         harmless(lambda: floor_map(scene).reachable)
@@ -107,7 +96,7 @@ def test_a_scene_with_one_thing_changed_is_read_or_said(tmp_path_factory: Any, w
 @fuzzed(80, 20_000)
 def test_an_ontology_with_one_thing_changed_is_read_or_said(tmp_path_factory: Any, way: list[int], to: Any) -> None:
     path = tmp_path_factory.mktemp("ontology") / "mine.json"
-    path.write_bytes(msgspec.json.encode(change(ONTOLOGY, way, to)))
+    path.write_bytes(msgspec.json.encode(changed_within(ONTOLOGY, way, to)))
     harmless(load_ontology, path)
 
 

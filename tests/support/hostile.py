@@ -33,3 +33,14 @@ def harmless(call: Callable[..., Any], *given: Any, **named: Any) -> Any:
         return call(*given, **named)
     except GavelError as error:
         return error
+
+
+def changed_within(value: Any, way: list[int], to: Any) -> Any:
+    """Return JSON-like data with one thing in it replaced, found by going `way` down."""
+    if not way or not isinstance(value, dict | list) or not value:
+        return to
+    if isinstance(value, dict):
+        key = sorted(value)[way[0] % len(value)]
+        return {**value, key: changed_within(value[key], way[1:], to)}
+    at = way[0] % len(value)
+    return [*value[:at], changed_within(value[at], way[1:], to), *value[at + 1 :]]
