@@ -134,7 +134,7 @@ def _navigate_into_box(rng: Rng, graph: SceneGraph, plan: Plan) -> Plan | None:
 
 
 def _wrong_place(rng: Rng, graph: SceneGraph, plan: Plan) -> Plan | None:
-    at = _any(rng, [i for i in _where(plan, ON) if i and plan[i - 1] == (NAV, plan[i].target)])
+    at = _any(rng, [i for i in _where(plan, ON) if i and plan[i - 1] == Action(NAV, plan[i].target)])
     if at is None:
         return None
     others = [o for o, n in graph.world.nodes.items() if n.fixed and n.category.surface]
