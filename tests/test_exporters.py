@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import pytest
 from agents.test_gate import GOAL, LAB, STEPS
@@ -24,7 +25,7 @@ WIPE = OwnAction("WIPE", ("x",), needs=("near(x)",), effects=("not dirty(x)",))
 STIR = OwnAction("STIR", ("x", "y"), needs=("near(x)",), effects=("not dirty(y)",))
 
 
-def test_omnigibson_gets_names_of_its_enumeration():
+def test_omnigibson_gets_names_of_its_enumeration() -> None:
     said = json.loads(to_omnigibson(PLAN))
     assert said["enum"] == "StarterSemanticActionPrimitiveSet"
     assert said["checked"] == UNCHECKED
@@ -37,7 +38,7 @@ def test_omnigibson_gets_names_of_its_enumeration():
             to_omnigibson([parse_action("STIR(bench, rack)")])
 
 
-def test_a_pddl_plan_is_read_back_by_its_task():
+def test_a_pddl_plan_is_read_back_by_its_task() -> None:
     graph = SceneGraph.from_json(LAB)
     task = planning_task(graph, GOAL)
     steps = [line.strip("()").split() for line in to_pddl_plan(PLAN, graph).splitlines() if line.startswith("(")]
@@ -48,7 +49,7 @@ def test_a_pddl_plan_is_read_back_by_its_task():
         assert set(arguments) <= set(task.things)
 
 
-def test_a_pddl_plan_names_what_is_put_down():
+def test_a_pddl_plan_names_what_is_put_down() -> None:
     held = kitchen({"apple_0": "held"})
     assert "(release apple_0)" in to_pddl_plan([parse_action("RELEASE")], held)
     with pytest.raises(NotExpressible, match=r"step 1, RELEASE\(\): nothing is held"):
@@ -57,7 +58,7 @@ def test_a_pddl_plan_names_what_is_put_down():
         assert "(stir bench rack)" in to_pddl_plan([parse_action("STIR(bench, rack)")])
 
 
-def test_a_behaviour_tree_is_a_sequence_of_declared_nodes():
+def test_a_behaviour_tree_is_a_sequence_of_declared_nodes() -> None:
     with registered(STIR):
         tree = ET.fromstring(to_behavior_tree([*PLAN, parse_action("STIR(vial, rack)"), parse_action("RELEASE")]))
     assert tree.get("BTCPP_format") == "4"
@@ -71,7 +72,7 @@ def test_a_behaviour_tree_is_a_sequence_of_declared_nodes():
 
 
 @pytest.mark.parametrize("form", EXPORTERS)
-def test_every_form_says_every_primitive_and_what_was_checked(form):
+def test_every_form_says_every_primitive_and_what_was_checked(form: str) -> None:
     names = [p.name for p in Primitive if p is not Primitive.RELEASE]
     texts = [f"{name}({'apple_0' if name == 'GRASP' else 'table_0'})" for name in names]
     texts = [step for text in texts for step in (("GRASP(apple_0)", text) if text.startswith("PLACE") else (text,))]
@@ -85,7 +86,7 @@ def test_every_form_says_every_primitive_and_what_was_checked(form):
 
 
 @pytest.fixture
-def lab(tmp_path):
+def lab(tmp_path: Path) -> Path:
     (tmp_path / "lab.json").write_text(json.dumps(LAB))
     (tmp_path / "plan.txt").write_text("\n".join(STEPS))
     (tmp_path / "bad.txt").write_text("\n".join(STEPS[:-1]))
@@ -94,7 +95,7 @@ def lab(tmp_path):
 
 
 @pytest.mark.parametrize("form", EXPORTERS)
-def test_a_plan_is_checked_before_it_is_written(lab, capsys, form):
+def test_a_plan_is_checked_before_it_is_written(lab: Path, capsys: pytest.CaptureFixture[str], form: str) -> None:
     world = ["--graph", str(lab / "lab.json"), "--goal", GOAL]
     assert main(["export-plan", str(lab / "plan.txt"), "--to", form, *world]) == 0
     text = capsys.readouterr().out
@@ -106,7 +107,7 @@ def test_a_plan_is_checked_before_it_is_written(lab, capsys, form):
     assert "Not reached: on_top(vial, rack)" in err
 
 
-def test_without_a_world_it_is_only_read(lab, capsys):
+def test_without_a_world_it_is_only_read(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export-plan", str(lab / "plan.txt"), "--to", "ros", "--out", str(lab / "plan.xml")]) == 0
     assert UNCHECKED in (lab / "plan.xml").read_text()
     assert main(["export-plan", str(lab / "odd.txt"), "--to", "ros"]) == 1
@@ -116,7 +117,7 @@ def test_without_a_world_it_is_only_read(lab, capsys):
     assert main(["export-plan", str(lab / "none.txt"), "--to", "pddl"]) == 2
 
 
-def test_a_graph_is_imported_by_a_command_and_verified_on(lab, capsys):
+def test_a_graph_is_imported_by_a_command_and_verified_on(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (lab / "vh.json").write_text(json.dumps(VIRTUALHOME))
     ours = str(lab / "ours.json")
     assert main(["import-graph", str(lab / "vh.json"), "--from", "virtualhome", "--out", ours]) == 0

@@ -120,8 +120,15 @@ def finish_reason(said: object) -> str:
 class ChatModel(Protocol):
     """A language model; `name` and `decoding` go into every record."""
 
-    name: str
-    decoding: Mapping[str, str | float | int]
+    @property
+    def name(self) -> str:
+        """The model's name."""
+        ...
+
+    @property
+    def decoding(self) -> Mapping[str, str | float | int]:
+        """What it decodes with."""
+        ...
 
     def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         """Return one completion per prompt, in order."""

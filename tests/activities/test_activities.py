@@ -11,10 +11,12 @@ from typing import Any
 import gymnasium as gym
 import msgspec
 import pytest
+from support.houses import unwrapped
 
 import gavel_agents
 import gavel_env  # noqa: F401  # registers the environments
 from eval.cli import main
+from gavel_agents.oracle import OracleAgent
 from gavel_env.activities import Ungroundable, UnknownActivity, ground, load_activities, title_of
 from gavel_env.activities.bddl import synset_of
 from gavel_env.activities.english import imperative, plural
@@ -248,6 +250,7 @@ def success_of(ids: list[str]) -> dict[str, bool]:
     """Return whether the oracle carries each instruction out."""
     env = gym.make("Gavel-Behavior-v0", observation="symbolic", terminate_on_success=False)
     oracle = gavel_agents.make("oracle")
+    assert isinstance(oracle, OracleAgent)
     found = {}
     for seed, name in enumerate(ids):
         observation, info = env.reset(seed=seed, options={"instruction": name})
@@ -257,7 +260,7 @@ def success_of(ids: list[str]) -> dict[str, bool]:
             observation, _, terminated, truncated, info = env.step(action)
             if terminated or truncated:
                 break
-        found[name] = env.unwrapped.judge().success
+        found[name] = unwrapped(env).judge().success
     return found
 
 

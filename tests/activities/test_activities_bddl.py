@@ -86,7 +86,7 @@ def test_bddls_own_evaluator_agrees_at_the_start_and_at_the_end() -> None:
         for graph, holds in ((start, False), (end, True)):
 
             def unary(name: str, graph: SceneGraph = graph) -> type:
-                class Predicate(UnaryAtomicFormula):
+                class Predicate(UnaryAtomicFormula):  # type: ignore[misc]
                     STATE_NAME = name
 
                     def _evaluate(self, obj: Thing) -> bool:
@@ -98,7 +98,7 @@ def test_bddls_own_evaluator_agrees_at_the_start_and_at_the_end() -> None:
                 return Predicate
 
             def binary(name: str, graph: SceneGraph = graph) -> type:
-                class Predicate(BinaryAtomicFormula):
+                class Predicate(BinaryAtomicFormula):  # type: ignore[misc]
                     STATE_NAME = name
 
                     def _evaluate(self, obj: Thing, other: Thing) -> bool:
@@ -117,7 +117,7 @@ def test_bddls_own_evaluator_agrees_at_the_start_and_at_the_end() -> None:
 
             _, objects, _, goal = by_bddl(activity.name, 0, "omnigibson")
             names: dict[str, list[str]] = {}
-            scope = {}
+            scope: dict[str, Thing] = {}
             for synset, listed in objects.items():
                 more = [n for n in grounding.scope if n.startswith(f"{synset}_more")]
                 names[synset] = [n for n in listed if not n.endswith("_*")] + more

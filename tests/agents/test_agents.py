@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import gymnasium as gym
 import pytest
+from support.houses import unwrapped
 
 import gavel_agents
 from gavel_agents.llm import Completion, Prompt
@@ -66,7 +67,7 @@ def run(agent: Any, instructions: Mapping[str, Instruction]) -> dict[str, Result
             if terminated:
                 agent.act(observation, info)
                 break
-        judgement = env.unwrapped.judge()
+        judgement = unwrapped(env).judge()
         results[name] = Result(judgement.success, judgement.metres, agent.trace.stopped)
     return results
 
@@ -87,7 +88,7 @@ class WithReferencePlans:
         files = [read_instructions(shipped(kind)) for kind in KINDS]
         self._model = ReferencePlans([instruction for file in files for instruction in file.values()])
 
-    def complete(self, prompts: list[Prompt]) -> list[Completion]:
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         return self._model.complete(prompts)
 
 
@@ -116,7 +117,7 @@ class EmptyModel:
     def __init__(self) -> None:
         self.asked: list[Prompt] = []
 
-    def complete(self, prompts: list[Prompt]) -> list[Completion]:
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         self.asked += prompts
         return [Completion("I am afraid I cannot do that.") for _ in prompts]
 
@@ -149,7 +150,7 @@ def test_feedback_names_what_is_missing_and_stops_when_all_is_valid(washing: dic
             super().__init__()
             self.asked: list[Prompt] = []
 
-        def complete(self, prompts: list[Prompt]) -> list[Completion]:
+        def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
             self.asked += prompts
             return super().complete(prompts) if len(self.asked) > 1 else [Completion("Task 1:\nGRASP the moon")]
 
@@ -167,7 +168,7 @@ def test_repair_alone_restores_what_the_model_left_out(instructions: Mapping[str
     class WithoutNavigation(WithReferencePlans):
         """Forgets every NAVIGATE_TO and CLOSE: both follow from the action model."""
 
-        def complete(self, prompts: list[Prompt]) -> list[Completion]:
+        def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
             [whole] = super().complete(prompts)
             kept = [line for line in whole.text.splitlines() if not line.startswith(("NAVIGATE", "CLOSE"))]
             return [Completion("\n".join(kept))]

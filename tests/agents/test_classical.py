@@ -16,6 +16,7 @@ from gavel_agents.classical.planner import ENGINES, ClassicalPlanner, chosen_eng
 from gavel_agents.classical.search import search
 from gavel_agents.llm import BadPlannerSpec, PlanningProblem, Prompt, load_model
 from gavel_agents.methods import METHODS
+from gavel_agents.pipeline import PlanningAgent
 from gavel_agents.understanding import (
     Decomposition,
     ReferenceUnderstanding,
@@ -25,6 +26,7 @@ from gavel_agents.understanding import (
 )
 from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.initial_graph import scene_graph
+from gavel_env.instructions.lookup import About
 from gavel_env.instructions.record import Instruction, read_instructions, shipped
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.condition_text import parse_formula
@@ -185,7 +187,9 @@ def test_plans_are_for_what_was_understood_whatever_the_instruction_is() -> None
     graph = kitchen(near=())
     planner = load_model("classical:search")
     for wish in (goal("inside(apple_0, fridge_0)"), goal("toggled(floor_lamp_0)")):
-        [answer] = planner.complete([Prompt((), "single-Rs_int-00", problem=PlanningProblem(graph, (wish, wish)))])
+        [answer] = planner.complete(
+            [Prompt((), About("single-Rs_int-00"), problem=PlanningProblem(graph, (wish, wish)))]
+        )
         plans = answer.text.split("Task 2:\n")
         assert plans[0].removeprefix("Task 1:\n").strip() == plans[1].strip()
         assert answer.seconds > 0
@@ -230,6 +234,7 @@ def test_a_wrong_understanding_fails_with_the_classical_planner_and_not_with_cer
     outcomes = {}
     for spec in ("classical:search", "reference:single"):
         agent = gavel_agents.make("llm-only", understanding=Misled(), model=load_model(spec))
+        assert isinstance(agent, PlanningAgent)
         observation, info = env.reset(seed=0, options={"instruction": instructions[name]})
         agent.reset(observation, info)
         outcomes[spec] = agent.trace.tasks[0].plan

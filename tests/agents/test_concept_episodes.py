@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import msgspec
 import pytest
+from support.houses import unwrapped
 
 import gavel_agents
 import gavel_env  # noqa: F401  (registers the environments)
@@ -78,7 +79,7 @@ def run(method: str, instruction: Instruction, said: Said, plan: str, **options:
         done.append(f"{info['action']} {info['outcome']}")
         if terminated or truncated:
             break
-    return Run(env.unwrapped.judge().success, done, agent, model.prompts)
+    return Run(unwrapped(env).judge().success, done, agent, model.prompts)
 
 
 TO_A_TABLE = "NAVIGATE_TO mug\nGRASP mug\nNAVIGATE_TO any_table\nPLACE_ON_TOP any_table"

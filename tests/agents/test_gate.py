@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
@@ -14,11 +16,11 @@ from support.worlds import kitchen
 import gavel_agents
 from eval.cli import main
 from gavel_agents.agent import AgentTrace, says_valid
-from gavel_agents.llm import Completion
+from gavel_agents.llm import Completion, Prompt
 from gavel_agents.methods import METHODS
 from gavel_agents.proposing.proposals import Problem, proposed_plans
 from gavel_agents.understanding import TaskUnderstanding
-from gavel_agents.verification import verify
+from gavel_agents.verification import Verified, verify
 from gavel_env.errors import BadOption, GraphError, MalformedGoal, UnknownObject
 from gavel_env.instructions.lookup import About
 from gavel_env.world_model.dynamics import Profile
@@ -28,7 +30,7 @@ from gavel_env.world_model.verdict import navigations, validate
 SCHEMA = json.loads(
     (Path(__file__).parents[2] / "docs" / "reference" / "schemas" / "verdict.schema.json").read_text("utf-8")
 )
-LAB = {
+LAB: dict[str, Any] = {
     "format": "gavel-graph/1",
     "rooms": [{"id": "lab"}, {"id": "store"}],
     "connections": [["lab", "store"]],
@@ -61,12 +63,12 @@ DROPPED_AT_THE_END = (
 )
 
 
-def judged(plan, **options):
+def judged(plan: str | Sequence[Any], **options: Any) -> Verified:
     return verify(graph=LAB, goal=GOAL, plan=plan, repair=False, **options)
 
 
 @pytest.mark.parametrize("release", DROPPED_AT_THE_END, ids=str)
-def test_a_release_is_one_step_however_it_is_written(release):
+def test_a_release_is_one_step_however_it_is_written(release: object) -> None:
     found = judged([*STEPS[:-1], release])
     assert str(found.plan[-1]) == "RELEASE()"
     assert found.unread == ()
@@ -74,7 +76,7 @@ def test_a_release_is_one_step_however_it_is_written(release):
     assert (as_json.plan, as_json.unread) == (found.plan, ())
 
 
-def test_a_release_alone_is_a_plan():
+def test_a_release_alone_is_a_plan() -> None:
     assert [str(action) for action in judged('["RELEASE", null]').plan] == ["RELEASE()"]
 
 
@@ -95,7 +97,9 @@ UNREADABLE = [
 
 
 @pytest.mark.parametrize(("plan", "line", "text"), UNREADABLE)
-def test_what_cannot_be_read_makes_a_plan_invalid_and_is_listed_with_its_line(plan, line, text):
+def test_what_cannot_be_read_makes_a_plan_invalid_and_is_listed_with_its_line(
+    plan: str, line: int, text: str | None
+) -> None:
     found = judged(plan)
     assert not found.valid
     assert not found.passed
@@ -106,7 +110,7 @@ def test_what_cannot_be_read_makes_a_plan_invalid_and_is_listed_with_its_line(pl
 
 
 @pytest.mark.parametrize(("plan", "line", "text"), UNREADABLE[:-1])
-def test_leniently_it_is_left_out_and_the_verdict_says_so(plan, line, text):
+def test_leniently_it_is_left_out_and_the_verdict_says_so(plan: str, line: int, text: str | None) -> None:
     found = judged(plan, strict=False)
     assert found.valid
     assert found.passed
@@ -125,18 +129,18 @@ def test_leniently_it_is_left_out_and_the_verdict_says_so(plan, line, text):
         json.dumps({"plan": [{"action": s.split("(")[0], "object": s.split("(")[1][:-1]} for s in STEPS]}, indent=2),
     ],
 )
-def test_comments_headings_fences_and_thinking_are_no_steps(plan):
+def test_comments_headings_fences_and_thinking_are_no_steps(plan: str) -> None:
     found = judged(plan)
     assert found.unread == ()
     assert found.valid
 
 
-def test_the_nearest_readings_name_a_primitive_and_a_thing_of_the_graph():
+def test_the_nearest_readings_name_a_primitive_and_a_thing_of_the_graph() -> None:
     [piece] = judged("\n".join([*STEPS, "GRAPS(viall)"])).unread
     assert piece.nearest[0] == "GRASP(vial)"
 
 
-def test_repair_mends_what_was_read_and_the_gate_stays_shut():
+def test_repair_mends_what_was_read_and_the_gate_stays_shut() -> None:
     plan = "\n".join([*STEPS[:1], "WOBBLE(cupboard)", *STEPS[2:]])
     found = verify(graph=LAB, goal=GOAL, plan=plan)
     assert found.final.valid
@@ -160,7 +164,7 @@ TOLD = ("", "# a comment", "Plan:", "```", "Task 1:")
 @given(
     st.lists(st.sampled_from((*STEPS, "RELEASE", "2. open the cupboard")) | st.sampled_from(JUNK + TOLD), max_size=9)
 )
-def test_a_line_is_a_step_or_a_finding_or_says_nothing(lines):
+def test_a_line_is_a_step_or_a_finding_or_says_nothing(lines: list[str]) -> None:
     """A step that is neither in the plan nor among the findings would have vanished."""
     found = judged("\n".join(lines))
     findings = {piece.line for piece in found.unread}
@@ -172,7 +176,7 @@ def test_a_line_is_a_step_or_a_finding_or_says_nothing(lines):
 
 @settings(max_examples=80, deadline=None)
 @given(st.text(alphabet="GRASP(vial),[]{}\"':\n .#<think>/null1", max_size=60))
-def test_no_text_is_worse_than_a_finding(text):
+def test_no_text_is_worse_than_a_finding(text: str) -> None:
     found = judged(text)
     assert isinstance(found.passed, bool)
     jsonschema.validate(json.loads(json.dumps(found.as_dict())), SCHEMA)
@@ -181,7 +185,7 @@ def test_no_text_is_worse_than_a_finding(text):
 # --- goals in any form ----------------------------------------------------------------------------------------------
 
 
-def test_goals_are_text_lists_or_goals_everywhere():
+def test_goals_are_text_lists_or_goals_everywhere() -> None:
     goal = Goal((parse_literal("on_top(apple, countertop)"), parse_literal("not open(fridge)")))
     forms = (goal, "on_top(apple, countertop), not open(fridge)", "on_top(apple, countertop) and not open(fridge)",
              ["on_top(apple, countertop)", "not open(fridge)"], goal.literals)  # fmt: skip
@@ -194,12 +198,12 @@ def test_goals_are_text_lists_or_goals_everywhere():
 
 
 @pytest.mark.parametrize("goal", ["", [], "tidy up", 7, ["on_top(apple, countertop)", 3], "on_top(a, b) c"])
-def test_a_goal_that_says_nothing_is_refused(goal):
+def test_a_goal_that_says_nothing_is_refused(goal: Any) -> None:
     with pytest.raises(MalformedGoal):
         as_goal(goal)
 
 
-def test_a_goal_of_what_the_graph_does_not_have_is_said():
+def test_a_goal_of_what_the_graph_does_not_have_is_said() -> None:
     with pytest.raises(UnknownObject, match=r"'rakc' in the goal .*did you mean 'rack'"):
         verify(graph=LAB, goal="on_top(vial, rakc)", plan="")
     with pytest.raises(BadOption):
@@ -214,7 +218,7 @@ def test_a_goal_of_what_the_graph_does_not_have_is_said():
 
 
 @pytest.fixture
-def lab(tmp_path):
+def lab(tmp_path: Path) -> Path:
     (tmp_path / "lab.json").write_text(json.dumps(LAB))
     (tmp_path / "good.txt").write_text("\n".join(STEPS))
     (tmp_path / "short.txt").write_text("GRASP(vial)\nPLACE_ON_TOP(rack)\n")
@@ -222,11 +226,11 @@ def lab(tmp_path):
     return tmp_path
 
 
-def gavel(lab, plan, *options):
+def gavel(lab: Path, plan: str, *options: str) -> int:
     return main(["verify", "--graph", str(lab / "lab.json"), "--goal", GOAL, "--plan", str(lab / plan), *options])
 
 
-def test_the_command_is_a_gate(lab, capsys):
+def test_the_command_is_a_gate(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert gavel(lab, "good.txt") == 0
     assert "plan: valid, 6 steps, 2 rooms" in capsys.readouterr().out
     assert gavel(lab, "short.txt") == 1
@@ -239,7 +243,7 @@ def test_the_command_is_a_gate(lab, capsys):
     assert "left out, line 7: 'WOBBLE(vial)'" in " ".join(capsys.readouterr().out.split())
 
 
-def test_wrong_use_is_status_2(lab, capsys):
+def test_wrong_use_is_status_2(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert gavel(lab, "missing.txt") == 2
     assert gavel(lab, "good.txt", "--scene", "Rs_int") == 2
     assert gavel(lab, "good.txt", "--categories", str(lab / "none.toml")) == 2
@@ -251,7 +255,7 @@ def test_wrong_use_is_status_2(lab, capsys):
         main(["verify", "--plan", str(lab / "good.txt")])
 
 
-def test_categories_of_ones_own_come_from_a_file(lab):
+def test_categories_of_ones_own_come_from_a_file(lab: Path) -> None:
     bare = {key: value for key, value in LAB.items() if key != "categories"}
     (lab / "lab.json").write_text(json.dumps(bare))
     assert gavel(lab, "good.txt") == 2
@@ -261,7 +265,9 @@ def test_categories_of_ones_own_come_from_a_file(lab):
 
 @pytest.mark.parametrize("options", [(), ("--repair",), ("--lenient",), ("--repair", "--profile", "omnigibson")])
 @pytest.mark.parametrize("plan", ["good.txt", "short.txt", "odd.txt"])
-def test_the_json_is_as_its_schema_says(lab, capsys, plan, options):
+def test_the_json_is_as_its_schema_says(
+    lab: Path, capsys: pytest.CaptureFixture[str], plan: str, options: tuple[str, ...]
+) -> None:
     status = gavel(lab, plan, "--json", *options)
     report = json.loads(capsys.readouterr().out)
     jsonschema.validate(report, SCHEMA)
@@ -276,16 +282,17 @@ class Says:
     """A model that always gives the same answer."""
 
     name = "says"
+    decoding: Mapping[str, str | float | int] = {}
 
-    def __init__(self, answer, finish_reason=""):
+    def __init__(self, answer: str, finish_reason: str = "") -> None:
         self.answer = answer
         self.finish_reason = finish_reason
 
-    def complete(self, prompts):
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         return [Completion(text=self.answer, finish_reason=self.finish_reason) for _ in prompts]
 
 
-def test_a_cut_answer_is_in_the_trace_and_in_the_verdict():
+def test_a_cut_answer_is_in_the_trace_and_in_the_verdict() -> None:
     goal = parse_goal("on_top(apple, breakfast_table)")
     tasks = [TaskUnderstanding("Put the apple on the table.", (), (), goal)]
     problem = Problem(About("", ()), tasks, kitchen(), {}, navigations, Profile.PAPER)
@@ -302,7 +309,7 @@ def test_a_cut_answer_is_in_the_trace_and_in_the_verdict():
         assert says_valid(trace.tasks[0].verdict)
 
 
-def test_a_step_that_vanished_is_in_the_trace_and_in_the_verdict():
+def test_a_step_that_vanished_is_in_the_trace_and_in_the_verdict() -> None:
     goal = parse_goal("on_top(apple, breakfast_table)")
     tasks = [TaskUnderstanding("Put the apple on the table.", (), (), goal)]
     problem = Problem(About("", ()), tasks, kitchen(), {}, navigations, Profile.PAPER)

@@ -8,6 +8,7 @@ from typing import Any
 
 import gymnasium as gym
 import pytest
+from support.houses import unwrapped
 
 import gavel_agents
 import gavel_env  # noqa: F401  (registers the environments)
@@ -59,7 +60,7 @@ def run(method: str, record: Instruction, tmp_path: Path) -> tuple[bool, list[in
         observation, _, terminated, _, info = env.step(action)
         if terminated:
             break
-    return env.unwrapped.judge().success, agent.trace.order
+    return unwrapped(env).judge().success, agent.trace.order
 
 
 @pytest.mark.parametrize("method", ["gavel-map", "gavel-static", "gavel-full"])

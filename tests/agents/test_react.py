@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import pytest
-from support.houses import INSTRUCTIONS, make
+from support.houses import INSTRUCTIONS, make, unwrapped
 
 import gavel_agents
 from eval.cli import main
@@ -36,6 +36,7 @@ class Script:
 def run(model: Script, instruction: str = "rs_apple_to_table", **options: Any) -> tuple[ReActAgent, list[str], bool]:
     env = make(on_violation="terminate", terminate_on_success=False)
     agent = gavel_agents.make("react", planner=model, **options)
+    assert isinstance(agent, ReActAgent)
     observation, info = env.reset(seed=0, options={"instruction": instruction})
     agent.reset(observation, info)
     outcomes = []
@@ -44,7 +45,7 @@ def run(model: Script, instruction: str = "rs_apple_to_table", **options: Any) -
         outcomes.append(info["outcome"])
         if terminated:
             break
-    return agent, outcomes, env.unwrapped.judge().success
+    return agent, outcomes, unwrapped(env).judge().success
 
 
 STEPS = (

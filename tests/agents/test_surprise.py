@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Literal
 
 import gymnasium as gym
 import pytest
+from support.houses import unwrapped
 
 import gavel_agents
 import gavel_env  # noqa: F401  (registers the environments)
@@ -23,7 +25,7 @@ class Fixed:
         self.decoding: dict[str, Any] = {}
         self.text = text
 
-    def complete(self, prompts: list[Prompt]) -> list[Completion]:
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         return [Completion(self.text) for _ in prompts]
 
 
@@ -41,7 +43,7 @@ def instruction(cabinet: str) -> Instruction:
     )
 
 
-def succeeded(where: str, on_surprise: str) -> tuple[bool, list[str]]:
+def succeeded(where: str, on_surprise: Literal["stop", "next"]) -> tuple[bool, list[str]]:
     record = instruction(where)
     env = gym.make("Gavel-MultiTask-v0", instructions=[record], terminate_on_success=False, observation="symbolic")
     agent = gavel_agents.make(
@@ -58,7 +60,7 @@ def succeeded(where: str, on_surprise: str) -> tuple[bool, list[str]]:
         done.append(info["action"])
         if terminated:
             break
-    return env.unwrapped.judge().success, done
+    return unwrapped(env).judge().success, done
 
 
 CABINETS = [f"bottom_cabinet_{i}" for i in range(6)]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
+from typing import Any
 
 import pytest
 from support.worlds import kitchen
@@ -25,7 +27,7 @@ BAD = "NAVIGATE_TO(steak_0)\nGRASP(steak_0)\nNAVIGATE_TO(breakfast_table_0)\nPLA
 
 
 @pytest.fixture
-def record():
+def record() -> dict[str, Any]:
     """An instruction in a shipped house: something from a container with a door to a surface."""
     graph = scene_graph(load_scene("Rs_int"))
     box = next(o for o, n in graph.world.nodes.items() if n.category.has_door and not n.category.safety_critical)
@@ -47,7 +49,7 @@ def record():
 
 
 @pytest.fixture
-def files(record, tmp_path):
+def files(record: dict[str, Any], tmp_path: Path) -> Path:
     """The record as a file, its reference plan, and a plan that forgot to open and to close."""
     (tmp_path / "task.jsonl").write_text(json.dumps(record) + "\n")
     reference = record["tasks"][0]["reference_plan"]
@@ -58,7 +60,7 @@ def files(record, tmp_path):
     return tmp_path
 
 
-def test_verify_reports_verdict_repair_edits_and_diff(record):
+def test_verify_reports_verdict_repair_edits_and_diff(record: dict[str, Any]) -> None:
     reference = record["tasks"][0]["reference_plan"]
     box = reference[1][len("OPEN(") : -1]
     missing = [step for step in reference if not step.startswith("OPEN")]
@@ -73,7 +75,7 @@ def test_verify_reports_verdict_repair_edits_and_diff(record):
     assert (result.scene, result.instruction) == ("Rs_int", "apple-out")
 
 
-def test_verify_without_repair_only_judges(record):
+def test_verify_without_repair_only_judges(record: dict[str, Any]) -> None:
     reference = record["tasks"][0]["reference_plan"]
     assert verify(instruction=record, plan=reference, repair=False).valid
     result = verify(instruction=record, plan=reference[:-1], repair=False)
@@ -83,18 +85,18 @@ def test_verify_without_repair_only_judges(record):
     assert "Not reached: on_top(apple" in result.complaint
 
 
-def test_the_package_offers_verify_again_and_again(record):
+def test_the_package_offers_verify_again_and_again(record: dict[str, Any]) -> None:
     for _ in range(2):
         assert gavel_agents.verify(instruction=record, plan=record["tasks"][0]["reference_plan"]).valid
 
 
-def test_verify_takes_text_lists_and_actions(record):
+def test_verify_takes_text_lists_and_actions(record: dict[str, Any]) -> None:
     reference = record["tasks"][0]["reference_plan"]
     forms = ["\n".join(reference), json.dumps(reference), reference, tuple(map(parse_action, reference))]
     assert all(verify(instruction=record, plan=form).valid for form in forms)
 
 
-def test_verify_knows_profiles_by_name(record):
+def test_verify_knows_profiles_by_name(record: dict[str, Any]) -> None:
     reference = record["tasks"][0]["reference_plan"]
     result = verify(instruction=record, plan=reference, profile="omnigibson")
     assert result.profile is Profile.OMNIGIBSON
@@ -102,14 +104,14 @@ def test_verify_knows_profiles_by_name(record):
     assert result.final.valid
 
 
-def test_categories_mean_what_holds_the_goal_objects_or_what_the_goal_names():
+def test_categories_mean_what_holds_the_goal_objects_or_what_the_goal_names() -> None:
     plan = (
         "go to the fridge\nopen fridge\ngrasp steak\nclose fridge\ngo to breakfast table\nPLACE_ON_TOP breakfast_table"
     )
     assert verify_on_graph(kitchen(near=()), GOAL, plan).valid
 
 
-def test_of_several_that_fit_the_one_with_the_goal_object_is_meant():
+def test_of_several_that_fit_the_one_with_the_goal_object_is_meant() -> None:
     graph = kitchen({"fridge_1": "floor garage_0", "breakfast_table_1": "floor garage_0"}, near=())
     plan = "NAVIGATE_TO(fridge)\nOPEN(fridge)\nGRASP(steak)\nCLOSE(fridge)\nNAVIGATE_TO(breakfast_table)\n"
     result = verify_on_graph(graph, GOAL, plan + "PLACE_ON_TOP(breakfast_table)")
@@ -121,7 +123,7 @@ def test_of_several_that_fit_the_one_with_the_goal_object_is_meant():
     assert set(bowls.verdict.nearest) == {"bowl_0", "bowl_1"}
 
 
-def test_instructions_are_found_by_file_and_by_id(record, files):
+def test_instructions_are_found_by_file_and_by_id(record: dict[str, Any], files: Path) -> None:
     assert find_instruction(files / "task.jsonl").id == "apple-out"
     (files / "two.jsonl").write_text(json.dumps(record) + "\n" + json.dumps(record | {"id": "again"}) + "\n")
     assert find_instruction(f"{files / 'two.jsonl'}#again").id == "again"
@@ -135,7 +137,7 @@ def test_instructions_are_found_by_file_and_by_id(record, files):
         find_instruction("no-such-instruction")
 
 
-def test_a_scene_that_is_not_there_is_a_typed_error(record):
+def test_a_scene_that_is_not_there_is_a_typed_error(record: dict[str, Any]) -> None:
     with pytest.raises(UnknownScene, match="Rs_int"):
         verify(scene="Rs_itn", instruction=record, plan="RELEASE()")
 
@@ -143,11 +145,11 @@ def test_a_scene_that_is_not_there_is_a_typed_error(record):
 # --- the command ---------------------------------------------------------------------------------------------------
 
 
-def run(files, plan, *options):
+def run(files: Path, plan: str, *options: str) -> int:
     return main(["verify", "--instruction", str(files / "task.jsonl"), "--plan", str(files / plan), *options])
 
 
-def test_the_exit_status_says_valid_or_not(files, capsys):
+def test_the_exit_status_says_valid_or_not(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(files, "good.json") == 0
     assert "plan: valid, 6 steps" in capsys.readouterr().out
     assert run(files, "bad.txt") == 1
@@ -156,7 +158,7 @@ def test_the_exit_status_says_valid_or_not(files, capsys):
     assert "step 2: closed(apple_0)" in out
 
 
-def test_repair_shows_edits_and_difference(files, capsys):
+def test_repair_shows_edits_and_difference(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(files, "bad.txt", "--repair", "--lenient", "--scene", "Rs_int") == 0
     out = capsys.readouterr().out
     assert "-> insert OPEN(" in " ".join(out.split())
@@ -166,7 +168,7 @@ def test_repair_shows_edits_and_difference(files, capsys):
     assert "did you mean apple_0" in capsys.readouterr().out
 
 
-def test_json_says_everything(files, capsys):
+def test_json_says_everything(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(files, "bad.txt", "--repair", "--lenient", "--json") == 0
     report = json.loads(capsys.readouterr().out)
     assert report["valid"] is False
@@ -178,7 +180,7 @@ def test_json_says_everything(files, capsys):
     assert [(piece["line"], piece["text"]) for piece in report["unread"]] == [(1, "Sure!")]
 
 
-def test_bad_input_is_status_2_with_a_message(files, capsys):
+def test_bad_input_is_status_2_with_a_message(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(files, "missing.txt") == 2
     assert "cannot be read" in capsys.readouterr().err
     (files / "binary.txt").write_bytes(b"\xff\xfe\x00")
@@ -191,7 +193,7 @@ def test_bad_input_is_status_2_with_a_message(files, capsys):
 # --- the complaint -------------------------------------------------------------------------------------------------
 
 
-def test_the_complaint_marks_the_step_and_says_what_it_needs():
+def test_the_complaint_marks_the_step_and_says_what_it_needs() -> None:
     verdict = validate(kitchen(near=()), parse_plans(BAD.replace("steak", "bowl"), kitchen()).plan, GOAL)
     found = complaint(verdict, 2)
     assert found is not None
@@ -205,7 +207,7 @@ def test_the_complaint_marks_the_step_and_says_what_it_needs():
     assert "Task 1 goal: on_top(steak, breakfast_table)" in text
 
 
-def test_the_complaint_says_what_is_left_open_and_which_task_is_right():
+def test_the_complaint_says_what_is_left_open_and_which_task_is_right() -> None:
     plan = "NAVIGATE_TO(fridge_0) OPEN(fridge_0) GRASP(steak_0) "
     plan += "NAVIGATE_TO(breakfast_table_0) PLACE_ON_TOP(breakfast_table_0)"
     left = validate(kitchen(near=()), tuple(map(parse_action, plan.split())), GOAL)
@@ -217,7 +219,7 @@ def test_the_complaint_says_what_is_left_open_and_which_task_is_right():
     assert complaint(good) is None
 
 
-def test_the_complaint_offers_names_and_quotes_what_was_dropped():
+def test_the_complaint_offers_names_and_quotes_what_was_dropped() -> None:
     parsed = parse_plans("Hello there, dear robot.\nNAVIGATE_TO(frige_0)", kitchen(), 2)
     verdicts = [validate(kitchen(near=()), plan, GOAL) for plan in parsed.plans]
     text = complain(verdicts, (GOAL, GOAL), parsed)
@@ -228,10 +230,10 @@ def test_the_complaint_offers_names_and_quotes_what_was_dropped():
     assert "The answer could not be read: the answer is empty." in complain([], [], parse_plans(""))
 
 
-def test_every_primitive_has_a_contract():
+def test_every_primitive_has_a_contract() -> None:
     assert set(CONTRACTS) == set(Primitive)
 
 
-def test_every_error_of_verification_is_typed():
+def test_every_error_of_verification_is_typed() -> None:
     with pytest.raises(GavelError):
         verify(instruction={"id": "x"}, plan="")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from support.counting import calls_of
 
 from gavel_agents.beliefs.belief import Belief, load_prior
@@ -64,17 +65,18 @@ def sight(places: Mapping[str, str] | None = None, searched: Iterable[str] = ())
     return Seen(graph, frozenset(searched))
 
 
-def flat(category: str, rooms: Sequence[RoomInfo]) -> np.ndarray:
+def flat(category: str, rooms: Sequence[RoomInfo]) -> NDArray[np.float64]:
     """A prior that prefers earlier rooms: 5/15, 4/15, ... over five."""
     weights = np.arange(len(rooms), 0, -1, dtype=np.float64)
-    return weights / weights.sum()
+    shares: NDArray[np.float64] = weights / weights.sum()
+    return shares
 
 
 def start(graph: SceneGraph) -> Belief:
     return Belief.over(graph, HOUSE, flat)
 
 
-def of(belief: Belief, node: str) -> dict[str, float]:
+def of(belief: Belief, node: str) -> dict[str, object]:
     return {room: pytest.approx(p) for room, p in belief.priors()[node].items()}
 
 
@@ -250,9 +252,9 @@ def test_initial_reads_the_layout() -> None:
     assert belief.rooms == rooms
     asked: list[RoomInfo] = []
 
-    def prior(category: str, known: Sequence[RoomInfo]) -> np.ndarray:
-        asked.extend(known)
-        return flat(category, known)
+    def prior(category: str, rooms: Sequence[RoomInfo]) -> NDArray[np.float64]:
+        asked.extend(rooms)
+        return flat(category, rooms)
 
     Belief.initial(believed(["toilet"]), layout, rooms, prior)
     areas = {room.id: (room.type, room.area_m2) for room in layout.scene.rooms}
@@ -286,7 +288,7 @@ def situations(draw: st.DrawFn) -> tuple[SceneGraph, list[Seen], dict[str, str]]
     bound = {}
     for node in ("apple", "countertop"):
         options = [i for i in ids if category_of(i) == node]
-        if options and draw(st.booleans()):
+        if len(options) > 0 and draw(st.booleans()):
             bound[node] = draw(st.sampled_from(options))
     return believed(NODES, supports), seen, bound
 

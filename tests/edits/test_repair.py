@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import pytest
@@ -14,6 +15,7 @@ from gavel_agents.edits.repair import MOST_EDITS, repair
 from gavel_env.world_model.actions import Action, Primitive, parse_action
 from gavel_env.world_model.dynamics import Profile, ViolationKind, rollout, unsafe
 from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate, parse_goal, unmet
+from gavel_env.world_model.graph import SceneGraph
 from gavel_env.world_model.verdict import validate
 
 TABLE, SHELF, FRIDGE, OVEN = "breakfast_table_0", "bookcase_0", "fridge_0", "oven_0"
@@ -318,12 +320,12 @@ CASES = [
 ]
 
 
-def plan(text):
+def plan(text: str) -> tuple[Action, ...]:
     return tuple(map(parse_action, text.split()))
 
 
 @pytest.mark.parametrize("case", CASES, ids=[f"{case.rule}-{number}" for number, case in enumerate(CASES)])
-def test_each_rule_mends_what_it_is_for(case):
+def test_each_rule_mends_what_it_is_for(case: RuleCase) -> None:
     goal = parse_goal(case.goal.split(" & "))
     repaired = repair(kitchen(near=()), plan(case.plan), goal, profile=case.profile)
     assert case.rule in [edit.rule for edit in repaired.edits]
@@ -333,14 +335,14 @@ def test_each_rule_mends_what_it_is_for(case):
     assert repaired.plan == repaired.verdict.plan
 
 
-def test_every_rule_of_the_tables_has_a_case():
+def test_every_rule_of_the_tables_has_a_case() -> None:
     rules = {rule.__name__ for row in VIOLATION_RULES.values() for rule in row}
     rules |= {rule.__name__ for row in LITERAL_RULES.values() for rule in row}
     rules |= {rule.__name__ for row in SAFETY_RULES.values() for rule in row}
     assert rules <= {case.rule for case in CASES}
 
 
-def test_every_violation_kind_is_in_the_table():
+def test_every_violation_kind_is_in_the_table() -> None:
     assert set(VIOLATION_RULES) == set(ViolationKind)
 
 
@@ -352,28 +354,28 @@ def test_every_violation_kind_is_in_the_table():
         (CARRY, "washed(bowl)"),
     ],
 )
-def test_what_needs_semantics_is_left_to_the_model(text, goal):
+def test_what_needs_semantics_is_left_to_the_model(text: str, goal: str) -> None:
     start = kitchen(near=())
     repaired = repair(start, plan(text), parse_goal(goal.split(" & ")))
     assert not repaired.verdict.valid
     assert repaired.verdict.rank >= repaired.before.rank
 
 
-def test_a_valid_plan_stays_as_it_is():
+def test_a_valid_plan_stays_as_it_is() -> None:
     repaired = repair(kitchen(near=()), plan(CARRY), parse_goal([ON_TABLE]))
     assert repaired.plan == plan(CARRY)
     assert repaired.edits == ()
     assert repaired.before.valid
 
 
-def test_pruning_keeps_what_an_appliance_did_though_the_goal_does_not_ask_for_it():
+def test_pruning_keeps_what_an_appliance_did_though_the_goal_does_not_ask_for_it() -> None:
     text = f"{IN_OVEN} CLOSE({OVEN}) TOGGLE_ON({OVEN}) TOGGLE_OFF({OVEN}) OPEN({OVEN}) GRASP(apple_0) CLOSE({OVEN}) "
     text += f"NAVIGATE_TO({TABLE}) PLACE_ON_TOP({TABLE})"
     assert repair(kitchen(near=()), plan(text), parse_goal([ON_TABLE])).plan == plan(text)
 
 
-def test_pruning_never_takes_a_dearer_plan():
-    def cost(graph, steps):
+def test_pruning_never_takes_a_dearer_plan() -> None:
+    def cost(graph: SceneGraph, steps: Sequence[Action]) -> float:
         return 100.0 - len(steps)
 
     goal = parse_goal([ON_TABLE])
@@ -382,14 +384,14 @@ def test_pruning_never_takes_a_dearer_plan():
     assert prune(validate(kitchen(near=()), verdict.plan, goal), goal)[0].plan == plan(CARRY)
 
 
-def test_the_number_of_edits_is_bounded():
+def test_the_number_of_edits_is_bounded() -> None:
     bad = plan(" ".join(["GRASP(apple_0) OPEN(fridge_0) RELEASE() PLACE_INSIDE(apple_0)"] * 60))
     repaired = repair(kitchen(near=()), bad, parse_goal(["cooked(apple)"]), most_edits=7)
     assert len(repaired.edits) <= 7
     assert len(repair(kitchen(near=()), bad, parse_goal(["cooked(apple)"])).edits) <= MOST_EDITS
 
 
-def test_repair_without_any_plan_fetches_what_the_goal_wants():
+def test_repair_without_any_plan_fetches_what_the_goal_wants() -> None:
     goal = parse_goal([ON_TABLE, "inside(bowl, fridge)", "open(microwave)", "toggled(floor_lamp)"])
     assert repair(kitchen(near=()), (), goal).verdict.valid
 
@@ -418,7 +420,9 @@ _LITERALS = st.builds(
     st.lists(_LITERALS, min_size=1, max_size=4).map(lambda literals: Goal(tuple(literals))),
     st.sampled_from(list(Profile)),
 )
-def test_repair_of_anything_terminates_never_lowers_rk_and_never_errs_on_validity(steps, goal, profile):
+def test_repair_of_anything_terminates_never_lowers_rk_and_never_errs_on_validity(
+    steps: tuple[Action, ...], goal: Goal, profile: Profile
+) -> None:
     start = kitchen(near=())
     repaired = repair(start, steps, goal, profile=profile)
     end, violation = rollout(start, repaired.plan, profile)

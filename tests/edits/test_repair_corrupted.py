@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import collections
 import sys
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pytest
 from support.defects import corrupt, recoverable
-from support.errands import believed, draw_errand, shipped_errands
+from support.errands import Errand, believed, draw_errand, shipped_errands
 
 from gavel_agents.edits.repair import MOST_EDITS, repair
 from gavel_agents.proposing.complaint import complaint
 from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.initial_graph import instruction_graph
 from gavel_env.instructions.record import read_instructions, shipped
-from gavel_env.tasks.broken import broken_path, read_broken
+from gavel_env.tasks.broken import Broken, broken_path, read_broken
+from gavel_env.world_model.actions import Action
 from gavel_env.world_model.dynamics import Profile, rollout, unsafe
-from gavel_env.world_model.goals import unmet
+from gavel_env.world_model.goals import Goal, unmet
+from gavel_env.world_model.graph import SceneGraph
 from gavel_env.world_model.verdict import validate
 
 
@@ -29,7 +32,7 @@ class Tally:
         self.by_count: dict[int, list[int]] = collections.defaultdict(lambda: [0, 0])
         self.open = [0, 0]
 
-    def add(self, defects, restored, determined):
+    def add(self, defects: Sequence[str], restored: bool, determined: bool) -> None:
         if not determined:
             self.open[0] += restored
             self.open[1] += 1
@@ -38,7 +41,7 @@ class Tally:
             row[0] += restored
             row[1] += 1
 
-    def table(self):
+    def table(self) -> str:
         lines = [
             f"{name:22s} {good:7d} / {total:7d}  {100 * good / total:7.3f} %"
             for name, (good, total) in [
@@ -50,7 +53,7 @@ class Tally:
         return "\n".join(lines)
 
 
-def check(rng, errand, profile, tally):
+def check(rng: np.random.Generator, errand: Errand, profile: Profile, tally: Tally) -> None:
     """Corrupt, repair, and judge the repair with the world model alone."""
     steps, defects = corrupt(rng, errand, int(rng.integers(1, 6)))
     repaired = repair(errand.graph, steps, errand.goal, profile=profile)
@@ -63,10 +66,9 @@ def check(rng, errand, profile, tally):
     tally.add(defects, restored, recoverable(errand, steps))
 
 
-def sweep(count, seed, profile, *, view, sources=None):
+def sweep(count: int, seed: int, profile: Profile, *, view: str, sources: Sequence[Errand] | None = None) -> Tally:
     rng = np.random.default_rng(seed)
     tally = Tally()
-    errand = None
     for number in range(count):
         if number % 4 == 0:
             errand = sources[int(rng.integers(len(sources)))] if sources else draw_errand(rng)
@@ -79,20 +81,20 @@ def sweep(count, seed, profile, *, view, sources=None):
 
 @pytest.mark.parametrize("profile", list(Profile))
 @pytest.mark.parametrize("view", ["known", "believed"])
-def test_corrupted_plans_are_restored(view, profile):
+def test_corrupted_plans_are_restored(view: str, profile: Profile) -> None:
     tally = sweep(750, 11, profile, view=view)
     good, total = tally.by_defect["all"]
     assert good >= 0.99 * total, tally.table()
 
 
 @pytest.mark.parametrize("view", ["known", "believed"])
-def test_corrupted_reference_plans_of_the_shipped_instructions_are_restored(view):
+def test_corrupted_reference_plans_of_the_shipped_instructions_are_restored(view: str) -> None:
     tally = sweep(500, 12, Profile.PAPER, view=view, sources=shipped_errands())
     good, total = tally.by_defect["all"]
     assert good >= 0.99 * total, tally.table()
 
 
-def broken_variants(every):
+def broken_variants(every: int) -> Iterator[tuple[SceneGraph, Goal, Sequence[Action], Broken]]:
     """Yield the shipped broken variants of every n-th instruction: graph, goal, broken plan, and its record."""
     for name in ("single", "multi"):
         path = shipped(name)
@@ -105,7 +107,7 @@ def broken_variants(every):
 
 
 @pytest.mark.parametrize("every", [10, pytest.param(1, marks=pytest.mark.slow)])
-def test_shipped_broken_variants_are_restored_unless_an_object_is_invented(every):
+def test_shipped_broken_variants_are_restored_unless_an_object_is_invented(every: int) -> None:
     restored: collections.Counter[str] = collections.Counter()
     total: collections.Counter[str] = collections.Counter()
     for graph, goal, steps, variant in broken_variants(every):
@@ -131,7 +133,9 @@ def test_shipped_broken_variants_are_restored_unless_an_object_is_invented(every
         (20_000, Profile.PAPER, "known", True),
     ],
 )
-def test_a_hundred_thousand_corrupted_plans(count, profile, view, benchmark, capsys):
+def test_a_hundred_thousand_corrupted_plans(
+    count: int, profile: Profile, view: str, benchmark: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
     tally = sweep(count, 13, profile, view=view, sources=shipped_errands() if benchmark else None)
     with capsys.disabled():
         title = f"{count} plans, {profile.value} rules, {view} graphs, of the shipped instructions: {benchmark}"

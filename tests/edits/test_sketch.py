@@ -144,7 +144,7 @@ def test_what_is_taken_is_brought_and_what_was_opened_for_it_shut_on_the_way() -
 def test_a_held_thing_is_not_taken_again_and_another_is_set_down_first() -> None:
     sketch = Sketch(kitchen({"apple_0": "held"}))
     assert sketch.take("apple_0")
-    assert sketch.plan == ()
+    assert not sketch.plan
     assert sketch.take("bowl_0")
     assert [a.primitive for a in sketch.plan] == [Primitive.PLACE_ON_TOP, Primitive.GRASP]
 
@@ -165,7 +165,8 @@ def test_a_fork_goes_its_own_way_until_it_is_adopted() -> None:
     trial = sketch.fork()
     assert trial.take("steak_0")
     assert steps(sketch) == "NAVIGATE_TO(fridge_0) OPEN(fridge_0)"
-    assert sketch.graph.holding is None
+    before = sketch.graph
+    assert before.holding is None
     sketch.adopt(trial)
     assert sketch.plan == trial.plan
     assert sketch.graph.holding == "steak_0"

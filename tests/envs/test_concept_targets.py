@@ -42,7 +42,7 @@ def test_a_search_for_a_concept_ends_at_one_of_its_categories_in_its_room(env: g
 
 
 def test_what_a_search_is_not_for_is_passed_by(env: gavel_env.GavelEnv) -> None:
-    bins = []
+    bins: list[str] = []
     while (info := env.step(EnvAction(Primitive.NAVIGATE_TO, "any_trash_can", None, tuple(bins)))[-1])[
         "outcome"
     ] == "ok":

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.houses import FILE, INSTRUCTIONS, make, send
+from support.houses import FILE, INSTRUCTIONS, make, send, unwrapped
 
 HERE = Path(__file__).parent
 
@@ -87,7 +87,7 @@ def test_seed_places_what_lies_on_the_floor() -> None:
     for seed in range(6):
         env = make()
         env.reset(seed=seed, options={"instruction": "rs_steak_on_floor"})
-        spots.add(env.unwrapped.privileged_state().executor.position("steak_0"))
+        spots.add(unwrapped(env).privileged_state().executor.position("steak_0"))
     assert len(spots) > 3
 
 

@@ -8,7 +8,7 @@ import gymnasium as gym
 import msgspec
 import numpy as np
 import pytest
-from support.houses import FILE, INSTRUCTIONS, make, start, steps
+from support.houses import FILE, INSTRUCTIONS, make, start, steps, unwrapped
 
 from gavel_env.envs.action_codec import BadAction
 from gavel_env.envs.env import BadEnvironmentOption, GavelEnv
@@ -57,8 +57,8 @@ def test_an_environment_goes_on_after_a_bad_record() -> None:
 def test_records_are_taken_in_every_form() -> None:
     for form in ("rs_apple_to_table", RECORD, INSTRUCTIONS["rs_apple_to_table"]):
         assert make().reset(options={"instruction": form})[1]["instruction_id"] == "rs_apple_to_table"
-    assert make(instructions=[RECORD]).unwrapped.instruction_ids == ("rs_apple_to_table",)
-    assert make(instructions=FILE).unwrapped.instruction_ids == tuple(INSTRUCTIONS)
+    assert unwrapped(make(instructions=[RECORD])).instruction_ids == ("rs_apple_to_table",)
+    assert unwrapped(make(instructions=FILE)).instruction_ids == tuple(INSTRUCTIONS)
 
 
 def test_unknown_ids_name_the_nearest() -> None:
@@ -89,8 +89,8 @@ def test_bad_arguments_name_the_alternatives(kwargs: dict[str, Any], said: str) 
 
 
 def test_scenes_select_instructions() -> None:
-    kept = make(scenes=["Benevolence_1_int"]).unwrapped.instruction_ids
-    assert make(scenes="Benevolence_1_int").unwrapped.instruction_ids == kept
+    kept = unwrapped(make(scenes=["Benevolence_1_int"])).instruction_ids
+    assert unwrapped(make(scenes="Benevolence_1_int")).instruction_ids == kept
     assert kept == ("benevolence_cook_apple",)
     with pytest.raises(InstructionError, match="Benevolence_1_int"):
         make(scenes=["Merom_1_int"])
@@ -98,7 +98,7 @@ def test_scenes_select_instructions() -> None:
 
 def test_robot_fields_reach_the_map() -> None:
     env = start("rs_apple_to_table", robot={"cell_m": 0.2, "reach_m": 1.0})
-    assert env.unwrapped.observed.layout.robot == RobotConfig(cell_m=0.2, reach_m=1.0)
+    assert unwrapped(env).observed.layout.robot == RobotConfig(cell_m=0.2, reach_m=1.0)
 
 
 def test_scenes_larger_than_the_spaces_are_refused_at_reset() -> None:
@@ -154,7 +154,7 @@ def test_actions_of_another_form_are_refused(action: Any) -> None:
 )
 def test_what_the_action_space_cannot_say(action: EnvAction, said: str) -> None:
     with pytest.raises(BadAction) as raised:
-        start("rs_apple_to_table").unwrapped.encode(action)
+        unwrapped(start("rs_apple_to_table")).encode(action)
     assert said in str(raised.value)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from support.houses import INSTRUCTIONS, make, send, start, steps
+from support.houses import INSTRUCTIONS, make, send, start, steps, unwrapped
 
 from gavel_env.envs.spaces import (
     AFFORDANCES,
@@ -29,7 +29,7 @@ def relations(env: gym.Env[Any, Any], observation: dict[str, Any]) -> set[tuple[
     graph = observation["graph"]
 
     def name(node: int) -> str:
-        return env.unwrapped.node_name(int(node)) or "robot"
+        return unwrapped(env).node_name(int(node)) or "robot"
 
     return {
         (EdgeType(kind).name.lower(), name(a), name(b))
@@ -78,7 +78,7 @@ def test_small_observation_says_the_rest() -> None:
     observation, *_, info = steps(env, "NAVIGATE_TO(apple)", "GRASP(apple)")
     observed = info["observed"]
     assert "graph" not in observation
-    assert env.unwrapped.node_name(observation["holding"]) == "apple_0"
+    assert unwrapped(env).node_name(observation["holding"]) == "apple_0"
     assert observation["instruction"] == INSTRUCTIONS["rs_apple_to_table"].text
     assert observation["metres"] == pytest.approx([observed.metres])
     assert tuple(observation["pose"][:2]) == pytest.approx(observed.layout.point(observed.cell))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.houses import make, start, steps
+from support.houses import make, start, steps, unwrapped
 
 from gavel_env.exchange import EnvAction
 from gavel_env.world_model.actions import Primitive
@@ -35,7 +35,7 @@ def test_the_dict_form_does_what_the_names_do(target: str) -> None:
     named, encoded = start("rs_steak_on_floor"), start("rs_steak_on_floor")
     action = EnvAction(GO, target, {"kitchen_0": 3.0, "bedroom_0": 1.0})
     first = named.step(action)[-1]
-    second = encoded.step(encoded.unwrapped.encode(action))[-1]
+    second = encoded.step(unwrapped(encoded).encode(action))[-1]
     assert first["route"] == second["route"]
     assert first["observed"].reached == second["observed"].reached
     assert first["outcome"] == second["outcome"]
@@ -43,16 +43,16 @@ def test_the_dict_form_does_what_the_names_do(target: str) -> None:
 
 def test_rooms_of_negative_weight_are_not_meant() -> None:
     env = start("rs_steak_on_floor")
-    rooms = list(env.unwrapped.observed.graph.world.rooms)
-    action = env.unwrapped.encode(EnvAction(GO, "countertop"))
+    rooms = list(unwrapped(env).observed.graph.world.rooms)
+    action = unwrapped(env).encode(EnvAction(GO, "countertop"))
     for excluded, reached in (("kitchen_0", "countertop_1"), ("living_room_0", "countertop_0")):
         action["search_prior"] = np.array([-1.0 * (room == excluded) for room in rooms] + [0.0] * (64 - len(rooms)))
         assert env.step(action)[-1]["observed"].reached == reached
-        assert env.unwrapped.decode(action).target == "countertop"
+        assert unwrapped(env).decode(action).target == "countertop"
 
 
 def test_encode_and_decode_are_inverse() -> None:
-    env = start("rs_steak_on_floor").unwrapped
+    env = unwrapped(start("rs_steak_on_floor"))
     rooms = list(env.observed.graph.world.rooms)
     for action in (
         EnvAction(Primitive.RELEASE),
@@ -74,7 +74,7 @@ def test_heavier_rooms_are_searched_first(where: str, elsewhere: str) -> None:
     for likely, unlikely in ((where, elsewhere), (elsewhere, where)):
         env = make()
         env.reset(seed=0, options={"instruction": record})
-        assert not {where, elsewhere} & env.unwrapped.observed.searched
+        assert not {where, elsewhere} & unwrapped(env).observed.searched
         info = env.step(EnvAction(GO, "apple", {likely: 1.0, unlikely: 0.5}))[-1]
         assert info["outcome"] == "ok"
         metres[likely] = info["step_metres"]

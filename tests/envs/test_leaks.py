@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 import types
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from support.houses import INSTRUCTIONS, make, send
+from support.houses import INSTRUCTIONS, make, send, unwrapped
 
 from gavel_env import FlatActions, PaddedGraph
 from gavel_env.exchange import Observed
@@ -53,11 +53,11 @@ def leaks(hidden: set[str], *roots: Any) -> list[str]:
 
 
 def hidden_ids(env: gym.Env[Any, Any]) -> set[str]:
-    everything = set(env.unwrapped.privileged_state().graph.world.nodes)
-    return everything - set(env.unwrapped.observed.graph.world.nodes)
+    everything = set(unwrapped(env).privileged_state().graph.world.nodes)
+    return everything - set(unwrapped(env).observed.graph.world.nodes)
 
 
-WRAPPED = {
+WRAPPED: dict[str, Callable[[gym.Env[Any, Any]], gym.Env[Any, Any]]] = {
     "plain": lambda env: env,
     "flat": FlatActions,
     "padded": lambda env: PaddedGraph(env, keep_observed=True),
@@ -72,8 +72,12 @@ def test_hidden_objects_cannot_be_reached(name: str, wrap: str) -> None:
     hidden = hidden_ids(env)
     assert len(hidden) > 10
     assert not leaks(hidden, observation, info, env, env.unwrapped)
+    inner = env
+    if wrap != "plain":
+        assert isinstance(env, gym.Wrapper)
+        inner = env.env
     for action in INSTRUCTIONS[name].reference_plan():
-        observation, *_, info = env.env.step(send(env, action)) if wrap != "plain" else env.step(send(env, action))
+        observation, *_, info = inner.step(send(env, action))
         assert not leaks(hidden_ids(env), observation, info, env.unwrapped, env.render())
 
 
@@ -89,7 +93,7 @@ def test_refusals_do_not_name_hidden_objects() -> None:
 def test_the_walk_finds_what_is_there_to_be_found() -> None:
     env = make()
     env.reset(seed=0, options={"instruction": "benevolence_cook_apple"})
-    privileged = env.unwrapped.privileged_state()
+    privileged = unwrapped(env).privileged_state()
     hidden = hidden_ids(env)
     assert {leak.split(": ")[1] for leak in leaks(hidden, privileged)} == hidden
     assert leaks(hidden, {"a": [({"b": np.array(["apple_0"], object)},)]})
@@ -110,12 +114,12 @@ def test_the_known_layout_is_an_empty_house() -> None:
 def test_agents_cannot_change_the_hidden_world_through_their_view() -> None:
     env = make()
     _, info = env.reset(seed=0, options={"instruction": "benevolence_cook_apple"})
-    before = env.unwrapped.privileged_state().graph
+    before = unwrapped(env).privileged_state().graph
     supports = info["observed"].graph.supports
     copy = dict(supports)
     if isinstance(supports, dict):
         supports.clear()
-    assert env.unwrapped.privileged_state().graph == before
+    assert unwrapped(env).privileged_state().graph == before
     assert before.supports.keys() > copy.keys()
     with pytest.raises(AttributeError):
         info["observed"].metres = 0.0

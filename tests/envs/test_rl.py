@@ -9,6 +9,8 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.spaces import Discrete
+from support.houses import unwrapped
 from support.slot_expert import follow
 
 import gavel_env
@@ -18,14 +20,21 @@ from gavel_env.envs.rl import SlotEnv
 from gavel_env.envs.slot_features import LITERAL_COLUMNS, ROBOT_COLUMNS, SLOT_COLUMNS
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import first_violation
-from gavel_env.world_model.goals import unmet
+from gavel_env.world_model.goals import Literal, unmet
 
 
 def make(level: str = "easy", **options: Any) -> SlotEnv:
     env = gym.make("Gavel-RL-v0", level=level, disable_env_checker=True, **options)
+    assert isinstance(env, gym.Wrapper)
     wrapped = env.env
     assert isinstance(wrapped, SlotEnv)
     return wrapped
+
+
+def width(env: SlotEnv) -> int:
+    shape = env.observation_space.shape
+    assert shape is not None
+    return shape[0]
 
 
 def allowed(info: dict[str, Any], rng: np.random.Generator) -> int:
@@ -52,9 +61,10 @@ def test_masks_are_what_the_world_model_accepts_in_the_observed_graph(level: str
     env = make(level)
     rng = np.random.default_rng(1)
     _, info = env.reset(seed=1)
+    assert isinstance(env.action_space, Discrete)
     seen = {True: 0, False: 0}
     for _ in range(60):
-        observed = env.unwrapped.observed
+        observed = unwrapped(env).observed
         graph = observed.graph
         for action in range(env.action_space.n):
             primitive, index = divmod(action, env.slots)
@@ -65,7 +75,7 @@ def test_masks_are_what_the_world_model_accepts_in_the_observed_graph(level: str
                 expected = first_violation(graph, Action(Primitive(primitive), slot.instance)) is None
                 if (
                     primitive == Primitive.NAVIGATE_TO
-                    and not env.unwrapped.privileged_state().executor.stances(slot.instance).size
+                    and not unwrapped(env).privileged_state().executor.stances(slot.instance).size
                 ):
                     continue  # what has no stance is not offered again once that was found out
             else:
@@ -127,7 +137,7 @@ def test_what_a_goal_names_by_its_id_is_not_searched_for() -> None:
 @pytest.mark.parametrize(("level", "sample"), [("easy", 1), ("medium", 4), ("hard", 10)])
 def test_reference_plans_can_be_said_in_slots(level: str, sample: int) -> None:
     env = make(level)
-    for instruction in env.unwrapped.instruction_ids[::sample]:
+    for instruction in unwrapped(env).instruction_ids[::sample]:
         assert follow(env, instruction), instruction
 
 
@@ -155,10 +165,10 @@ def test_observations_say_goal_and_state() -> None:
     env = make()
     for observation, _, _ in random_play(env, 60):
         assert env.observation_space.contains(observation)
-    assert env.observation_space.shape[0] < 2000
+    assert width(env) < 2000
     env.reset(seed=0)
     parts = env.parts(env.reset(seed=0, options={"instruction": "easy-train-001"})[0])
-    goal = env.unwrapped.privileged_state().instruction.goal()
+    goal = unwrapped(env).privileged_state().instruction.goal()
     [literal] = goal.literals
     row = dict(zip(LITERAL_COLUMNS, parts["literals"][0], strict=False))
     assert (row["used"], row["unmet"], row["negated"], row[literal.predicate.value]) == (1, 1, 0, 1)
@@ -166,7 +176,7 @@ def test_observations_say_goal_and_state() -> None:
     assert pointers.argmax(axis=1).tolist() == [0, 1]
     assert not parts["literals"][1:].any()
     slots = [dict(zip(SLOT_COLUMNS, row, strict=True)) for row in parts["slots"]]
-    graph = env.unwrapped.observed.graph
+    graph = unwrapped(env).observed.graph
     for row, slot in zip(slots, env.slots_now, strict=True):
         assert row["known"] == (slot.instance is not None)
         assert row["goal"] == (slot.designator is not None)
@@ -196,24 +206,26 @@ def test_shaping_telescopes_to_the_potential_of_the_start() -> None:
     """sum of gamma^t F_t = gamma^T Phi(s_T) - Phi(s_0), so policies are ranked as without shaping."""
     gamma = 0.9
     shaped, plain = make(gamma=gamma), make(shaping=0.0)
-    for instruction in shaped.unwrapped.instruction_ids[:10]:
+    for instruction in unwrapped(shaped).instruction_ids[:10]:
         rewards: list[list[float]] = [[], []]
         assert follow(shaped, instruction, rewards[0])
         assert follow(plain, instruction, rewards[1])
         difference = sum(gamma**t * (a - b) for t, (a, b) in enumerate(zip(*rewards, strict=True)))
         shaped.reset(seed=0, options={"instruction": instruction})
-        graph = shaped.unwrapped.observed.graph
-        missing = unmet(shaped.unwrapped.privileged_state().instruction.goal(), graph)
-        start = -(0.75 if graph.world.by_category.get(missing[0].subject.name) else 1.0)
+        graph = unwrapped(shaped).observed.graph
+        missing = unmet(unwrapped(shaped).privileged_state().instruction.goal(), graph)
+        first = missing[0]
+        assert isinstance(first, Literal)
+        start = -(0.75 if graph.world.by_category.get(first.subject.name) else 1.0)
         assert difference == pytest.approx(-start)
 
 
 def test_a_door_left_open_lowers_the_potential() -> None:
     env = make("medium", reward={"metre": 0.0}, gamma=1.0)
-    for instruction in env.unwrapped.instruction_ids:
+    for instruction in unwrapped(env).instruction_ids:
         _, info = env.reset(seed=0, options={"instruction": instruction})
         for slot in env.slots_now:
-            if slot.instance is None or not env.unwrapped.observed.graph.category(slot.instance).openable:
+            if slot.instance is None or not unwrapped(env).observed.graph.category(slot.instance).openable:
                 continue
             going = env.action_of(Primitive.NAVIGATE_TO, slot.instance)
             *_, info = env.step(going)
@@ -221,7 +233,7 @@ def test_a_door_left_open_lowers_the_potential() -> None:
                 break
             _, opened, _, _, _ = env.step(env.action_of(Primitive.OPEN, slot.instance))
             _, closed, _, _, _ = env.step(env.action_of(Primitive.CLOSE, slot.instance))
-            literals = len(env.unwrapped.privileged_state().instruction.goal().literals)
+            literals = len(unwrapped(env).privileged_state().instruction.goal().literals)
             assert opened <= -1 / literals + 0.5  # what it shows may be worth something
             assert closed == pytest.approx(1 / literals)
             return
@@ -232,10 +244,12 @@ def test_a_door_left_open_lowers_the_potential() -> None:
 
 
 def test_levels_grow() -> None:
-    sizes = [make(level).observation_space.shape[0] for level in LEVELS]
+    sizes = [width(make(level)) for level in LEVELS]
     assert sizes == [427, 779, 1391, 1807]
-    assert all(len(make(level).unwrapped.instruction_ids) >= 50 for level in LEVELS)
-    assert set(make("easy", split="test").unwrapped.instruction_ids).isdisjoint(make("easy").unwrapped.instruction_ids)
+    assert all(len(unwrapped(make(level)).instruction_ids) >= 50 for level in LEVELS)
+    assert set(unwrapped(make("easy", split="test")).instruction_ids).isdisjoint(
+        unwrapped(make("easy")).instruction_ids
+    )
 
 
 def test_bad_options_are_typed_errors() -> None:
@@ -268,7 +282,9 @@ def test_vector_environments_need_no_options(mode: str) -> None:
     envs = gym.make_vec("Gavel-RL-v0", num_envs=2, vectorization_mode=mode)
     try:
         observation, info = envs.reset(seed=0)
-        assert observation.shape == (2, *envs.single_observation_space.shape)
+        shape = envs.single_observation_space.shape
+        assert shape is not None
+        assert observation.shape == (2, *shape)
         rng = np.random.default_rng(0)
         for _ in range(50):
             actions = np.array([rng.choice(np.flatnonzero(mask)) for mask in info["action_mask"]])
@@ -281,6 +297,7 @@ def test_vector_environments_need_no_options(mode: str) -> None:
 
 def test_it_is_remade_from_its_spec() -> None:
     env = gym.make("Gavel-RL-v0", level="medium", slots=20)
+    assert env.spec is not None
     again = gym.make(env.spec)
     assert again.get_wrapper_attr("slots") == 20
     assert again.observation_space == env.observation_space

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.spaces import Discrete
 
 import gavel_env  # noqa: F401  # registers the environments
 
@@ -55,6 +57,11 @@ def test_plain_ppo_takes_it_as_it_is() -> None:
         envs.close()
 
 
+def width(space: gym.Space[Any]) -> int:
+    assert space.shape is not None
+    return space.shape[0]
+
+
 def test_torchrl_rolls_it_out_with_masks() -> None:
     torchrl_envs = pytest.importorskip("torchrl.envs", reason="torchrl is not installed")
     from torchrl.envs.libs.gym import default_info_dict_reader
@@ -64,7 +71,7 @@ def test_torchrl_rolls_it_out_with_masks() -> None:
     masked = torchrl_envs.TransformedEnv(env, torchrl_envs.ActionMask(mask_key="action_mask"))
     masked.set_seed(0)
     rollout = masked.rollout(50, break_when_any_done=False)
-    assert rollout["observation"].shape == (50, gym.make("Gavel-RL-v0").observation_space.shape[0])
+    assert rollout["observation"].shape == (50, width(gym.make("Gavel-RL-v0").observation_space))
     taken = rollout["action"]
     index = taken.argmax(-1) if taken.ndim > 1 else taken
     assert rollout["action_mask"].bool().gather(-1, index.unsqueeze(-1)).all()
@@ -75,7 +82,8 @@ def test_a_loop_as_cleanrl_writes_it_learns_from_it() -> None:
     torch = pytest.importorskip("torch")
     torch.manual_seed(0)
     envs = gym.make_vec("Gavel-RL-v0", num_envs=4, vectorization_mode="sync", level="easy")
-    length, actions = envs.single_observation_space.shape[0], int(envs.single_action_space.n)
+    assert isinstance(envs.single_action_space, Discrete)
+    length, actions = width(envs.single_observation_space), int(envs.single_action_space.n)
     network = torch.nn.Sequential(torch.nn.Linear(length, 64), torch.nn.Tanh(), torch.nn.Linear(64, actions + 1))
     optimiser = torch.optim.Adam(network.parameters(), lr=3e-3)
     observation, info = envs.reset(seed=0)
@@ -95,7 +103,7 @@ def test_a_loop_as_cleanrl_writes_it_learns_from_it() -> None:
             dones.append(torch.as_tensor(terminated | truncated, dtype=torch.float32))
         with torch.no_grad():
             running = network(torch.as_tensor(observation))[:, -1]
-            returns = []
+            returns: list[Any] = []
             for reward, done in zip(reversed(rewards), reversed(dones), strict=True):
                 running = reward + 0.99 * running * (1 - done)
                 returns.insert(0, running)

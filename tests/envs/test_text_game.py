@@ -6,7 +6,7 @@ from typing import Any
 
 import gymnasium as gym
 import pytest
-from support.houses import INSTRUCTIONS, make
+from support.houses import INSTRUCTIONS, make, unwrapped
 
 import gavel_env
 from gavel_env import TextActions, TextGame
@@ -44,11 +44,11 @@ def test_a_game_is_won_in_words() -> None:
 @pytest.mark.parametrize("said", ["look", "Inventory.", "task", "help", "what am I to do", "", "grab"])
 def test_talk_changes_nothing_and_is_answered(said: str) -> None:
     env, _, _ = game()
-    before = env.unwrapped.observed
+    before = unwrapped(env).observed
     text, reward, terminated, truncated, info = env.step(said)
     assert text
     assert (reward, terminated, truncated, info["outcome"]) == (0.0, False, False, "told")
-    assert env.unwrapped.observed is before
+    assert unwrapped(env).observed is before
 
 
 def test_chatter_is_answered_by_the_nearest_commands() -> None:
@@ -70,7 +70,7 @@ def test_refusals_say_why() -> None:
 def test_admissible_commands_are_those_that_the_world_model_accepts() -> None:
     env, _, info = game("benevolence_cook_apple")
     for action in INSTRUCTIONS["benevolence_cook_apple"].reference_plan():
-        graph = env.unwrapped.observed.graph
+        graph = unwrapped(env).observed.graph
         found = {parse_action(text) for text in info["admissible_commands"] if not text.startswith("find")}
         for obj in graph.world.nodes:
             for primitive in Primitive:
@@ -96,7 +96,7 @@ def test_a_profile_restricts_commands() -> None:
     env, _, _ = game("benevolence_cook_apple", profile="omnigibson")
     for said in ("find fridge", "open fridge_0", "take apple_0"):
         env.step(said)
-    graph = env.unwrapped.observed.graph
+    graph = unwrapped(env).observed.graph
     assert graph.holding == "apple_0"
     assert "close fridge_0" in commands(graph)
     assert "close fridge_0" not in commands(graph, Profile.OMNIGIBSON)
@@ -115,12 +115,12 @@ def test_games_end_after_the_most_commands() -> None:
 def test_text_that_is_no_action_is_a_refused_action() -> None:
     env = TextActions(make(on_violation="noop"))
     env.reset(seed=0, options={"instruction": "rs_apple_to_table"})
-    before = env.unwrapped.observed.graph
+    before = unwrapped(env).observed.graph
     _, reward, terminated, _, info = env.step("go two the armchair please, would you")
     assert (info["outcome"], terminated) == ("unknown_object", False)
     assert reward == pytest.approx(-0.1)
     assert "no primitive" in info["refusal"]
-    assert env.unwrapped.observed.graph is before
+    assert unwrapped(env).observed.graph is before
     near = env.step("goo to coffee_table_0")[-1]["nearest_commands"]
     assert all(text in commands(before) for text in near)
     assert "refusal" not in env.step("navigate to the apple")[-1]

@@ -8,9 +8,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.spaces import Dict, MultiDiscrete
 from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import RecordVideo
-from support.houses import FILE, INSTRUCTIONS, make, send
+from support.houses import FILE, INSTRUCTIONS, make, send, unwrapped
 
 from gavel_env import FlatActions, PaddedGraph, TextActions
 from gavel_env.exchange import EnvAction
@@ -62,8 +63,8 @@ def test_masks_allow_exactly_what_the_world_model_allows() -> None:
                     assert joint[primitive, index] == allowed
                     checked[allowed] += 1
         assert joint[Primitive.RELEASE].any() == (graph.holding is not None)
-        assert joint[Primitive.NAVIGATE_TO, env.unwrapped.max_nodes :].all()
-        assert not joint[Primitive.GRASP, env.unwrapped.max_nodes :].any()
+        assert joint[Primitive.NAVIGATE_TO, unwrapped(env).max_nodes :].all()
+        assert not joint[Primitive.GRASP, unwrapped(env).max_nodes :].any()
     assert checked[True] > 100
     assert checked[False] > 100
 
@@ -72,6 +73,7 @@ def test_masks_have_the_forms_that_are_promised() -> None:
     env = FlatActions(make(), categories=["apple", "fridge"])
     _, info = env.reset(seed=0, options={"instruction": "rs_apple_to_table"})
     targets = 512 + 2
+    assert isinstance(env.action_space, MultiDiscrete)
     assert env.action_space.nvec.tolist() == [9, targets]
     assert info["action_mask"].shape == (9 + targets,)
     assert info["action_mask"].dtype == np.int8
@@ -139,7 +141,10 @@ def test_padded_vector_environments_work_with_the_defaults(mode: str, wrappers: 
     envs.action_space.seed(1)
     for _ in range(4):
         observation, *_, info = envs.step(envs.action_space.sample())
-    assert observation["nodes"].shape == (2, 512, envs.single_observation_space["nodes"].shape[1])
+    assert isinstance(envs.single_observation_space, Dict)
+    columns = envs.single_observation_space["nodes"].shape
+    assert columns is not None
+    assert observation["nodes"].shape == (2, 512, columns[1])
     assert observation["node_mask"].sum(axis=1).min() > 10
     assert ("action_mask" in info) == (FlatActions in wrappers)
     envs.close()
@@ -153,6 +158,7 @@ def test_check_env_on_wrapped_environments(wrapper: Any) -> None:
 
 def test_wrapped_environments_can_be_made_again_from_their_spec() -> None:
     env = FlatActions(PaddedGraph(make(), max_edges=900), categories=["apple"])
+    assert env.spec is not None
     again = gym.make(env.spec)
     assert again.observation_space == env.observation_space
     assert again.action_space == env.action_space
@@ -165,7 +171,7 @@ def test_gymnasium_records_videos(tmp_path: Path) -> None:
     pytest.importorskip("moviepy", reason="videos need the package moviepy")
     env = RecordVideo(make(render_mode="rgb_array"), str(tmp_path / "videos"), disable_logger=True)
     text_episode(env)
-    env.close()
+    env.close()  # type: ignore[no-untyped-call]
     (video,) = (tmp_path / "videos").glob("*.mp4")
     assert video.stat().st_size > 1000
 
@@ -178,12 +184,12 @@ def test_what_is_observed_is_the_hidden_world_as_far_as_it_was_seen() -> None:
         _, info = env.reset(seed=seed)
         for _ in range(40):
             if rng.random() < 0.8:
-                pairs = np.argwhere(info["joint_mask"][:, : env.unwrapped.max_nodes])
+                pairs = np.argwhere(info["joint_mask"][:, : unwrapped(env).max_nodes])
                 action = pairs[int(rng.integers(len(pairs)))]
             else:
                 action = np.array([rng.integers(9), rng.integers(100)])
             *_, terminated, _, info = env.step(action)
-            privileged = env.unwrapped.privileged_state()
+            privileged = unwrapped(env).privileged_state()
             observed = info["observed"]
             assert observed_part(privileged.graph, dict.fromkeys(observed.graph.world.nodes)) == observed.graph
             assert all(privileged.executor.position(obj) == at for obj, at in observed.positions.items())

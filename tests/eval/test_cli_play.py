@@ -28,7 +28,9 @@ def test_an_instruction_is_carried_out_at_the_prompt(
     assert "score 100%" in said
     assert "  find apple" in said
     assert picture.as_uri() in said
-    assert cv2.imread(str(picture)).shape[2] == 3
+    shown = cv2.imread(str(picture))
+    assert shown is not None
+    assert shown.shape[2] == 3
 
 
 def test_who_leaves_has_not_won(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

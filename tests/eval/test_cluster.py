@@ -23,19 +23,21 @@ from eval.report.formats import to_csv
 from eval.report.tables import results
 from eval.run.contestants import choose
 from eval.run.episodes import EnvironmentSettings
+from eval.run.rig import import_plugins
 from eval.run.runner import Schedule, run, schedule
 from gavel_env.instructions.record import read_instructions, shipped
 
 ROOT = Path(__file__).parents[2]
 SETTINGS = EnvironmentSettings(max_steps=60)
+PLUGIN = "tests.support.eval_agents"
 
 
 def planned(agents: list[str], sampled: int) -> Schedule:
-    import tests.support.eval_agents  # noqa: F401  (registers agents)
+    import_plugins([PLUGIN])  # registers agents
 
     contestants = choose(agents, SETTINGS, planners=["simulated:qwen3-8b"])
     file = read_instructions(shipped("single"))
-    return schedule(contestants, [file], sampled=sampled, settings=SETTINGS, plugins=["tests.support.eval_agents"])
+    return schedule(contestants, [file], sampled=sampled, settings=SETTINGS, plugins=[PLUGIN])
 
 
 def timeless(files: RecordFile) -> dict[Any, Any]:

@@ -21,6 +21,7 @@ from eval.report.leaderboard import Submission, leaderboard
 from eval.report.tables import results
 from eval.run.contestants import choose
 from eval.run.episodes import EnvironmentSettings
+from eval.run.rig import import_plugins
 from eval.run.runner import run, schedule
 from eval.run.verification import verify_run
 from gavel_env.errors import DataError
@@ -33,7 +34,7 @@ ASKED = ["llm-only", "sayplan", "gavel-full", "epog", "oracle"]
 def ran(
     out: Path, agents: list[str], planner: str = "simulated:qwen3-8b", kind: str = "single", sampled: int = 5
 ) -> Path:
-    import tests.support.eval_agents  # noqa: F401  (registers agents)
+    import_plugins([PLUGIN])  # registers agents
 
     settings = EnvironmentSettings()
     contestants = choose(agents, settings, planners=[planner])

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -19,6 +21,7 @@ from eval.run.contestants import choose
 from eval.run.episodes import EnvironmentSettings
 from eval.run.limits import Limits
 from eval.run.planners import default_connections
+from eval.run.rig import import_plugins
 from eval.run.runner import Schedule, run, schedule
 from gavel_agents.llm import Completion, Message, Prompt
 from gavel_agents.llm.sharing import SharingModel
@@ -37,7 +40,7 @@ def few() -> InstructionSet:
 
 
 def planned(few: InstructionSet, server: PlanServer, agents: list[str] = AGENTS) -> Schedule:
-    import tests.support.eval_agents  # noqa: F401  (registers `asking`)
+    import_plugins([PLUGIN])  # registers `asking`
 
     contestants = choose(agents, SETTINGS, planners=[f"openai:m@{server.url}"])
     return schedule(contestants, [few], settings=SETTINGS, plugins=[PLUGIN])
@@ -85,7 +88,12 @@ def test_no_episode_reads_the_metadata_of_installed_packages(
     """That takes a millisecond, for which many threads wait one after the other."""
     reads: list[object] = []
     real = metadata.entry_points
-    monkeypatch.setattr(metadata, "entry_points", lambda **chosen: reads.append(chosen) or real(**chosen))
+
+    def reading(**chosen: Any) -> Any:
+        reads.append(chosen)
+        return real(**chosen)
+
+    monkeypatch.setattr(metadata, "entry_points", reading)
     plan = schedule(choose(["epog", "oracle"], SETTINGS), [few])
     reads.clear()
     assert len(read_records([run(plan, tmp_path)]).records) == 2 * len(few)
@@ -177,7 +185,7 @@ class Flaky:
         self.calls = 0
         self.begun, self.go = threading.Event(), threading.Event()
 
-    def complete(self, prompts: list[Prompt]) -> list[Completion]:
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         self.calls += 1
         self.begun.set()
         if self.calls == 1:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,7 +22,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def exported(what: str, ran: Path, out: Path, *options: str) -> list[dict[str, object]]:
+def exported(what: str, ran: Path, out: Path, *options: str) -> list[dict[str, Any]]:
     assert main(["export", what, str(ran), "--out", str(out), *options]) == 0
     return [json.loads(line) for line in (out / "train.jsonl").read_text().splitlines()]
 

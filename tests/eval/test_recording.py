@@ -70,7 +70,7 @@ def recorded(
 ) -> list[Asked]:
     instructions: dict[str, Instruction] = dict(few)
     understanding = load_understanding("reference", instructions.values())
-    options = {"understanding": understanding, "threads": threads} | more
+    options: dict[str, Any] = {"understanding": understanding, "threads": threads} | more
     return list(record(RecordingModel(model, path), agents, instructions, **options))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -23,15 +24,15 @@ from gavel_env.errors import DataError
 WHO = Contestant("epog", understanding="reference", config="c0")
 
 
-def episode(instruction: str = "i0", seed: int = 0, outcome: str = "success", **fields: object) -> EpisodeRecord:
+def episode(instruction: str = "i0", seed: int = 0, outcome: str = "success", **fields: Any) -> EpisodeRecord:
     return EpisodeRecord(
         seed=seed, instruction=instruction, kind="multi", scene="Rs_int", text="Do it.", data="d0", code="v0",
         contestant=fields.pop("contestant", WHO), outcome=outcome, **fields,
     )  # fmt: skip
 
 
-def header(**fields: object) -> RunHeader:
-    values = {
+def header(**fields: Any) -> RunHeader:
+    values: dict[str, Any] = {
         "started": "", "versions": {}, "code": "v0", "arguments": {}, "contestants": (WHO,), "benchmarks": (),
         "seeds": (0,), "environment": {},
     }  # fmt: skip

@@ -6,6 +6,7 @@ import csv
 import io
 import itertools
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -32,7 +33,7 @@ IDS = tuple(f"i{n}" for n in range(30))
 SHARE = {"llm-only": 0.2, "epog": 0.6, "gavel-full": 0.9, "oracle": 1.0}
 
 
-def benchmark(ids: tuple[str, ...] = IDS, kind: str = "multi", data: str = "d0", **fields: object) -> Benchmark:
+def benchmark(ids: tuple[str, ...] = IDS, kind: str = "multi", data: str = "d0", **fields: Any) -> Benchmark:
     return Benchmark(kind=kind, source="multi.jsonl", stamp="s0", data=data, instructions=ids, **fields)
 
 
@@ -45,8 +46,8 @@ def header(
     )  # fmt: skip
 
 
-def record(who: Contestant, instruction: str, seed: int, outcome: str = "success", **fields: object) -> EpisodeRecord:
-    values: dict[str, object] = {
+def record(who: Contestant, instruction: str, seed: int, outcome: str = "success", **fields: Any) -> EpisodeRecord:
+    values: dict[str, Any] = {
         "failure": "" if outcome == "success" else f"{outcome}:x", "metres": 1.0, "kind": "multi", "data": "d0"
     }  # fmt: skip
     return EpisodeRecord(

@@ -92,6 +92,11 @@ def printing(*_: Any) -> None:
     os.write(1, b"written,to,one\n")
 
 
+def moving(self: Fair, *_: Any) -> None:
+    os.chdir("/")
+    self._left = 0
+
+
 MISDEEDS = {
     "scalar": ("act", lambda self, *_: setattr(self.trace, "expected_m", np.float64(1.5))),
     "exits": ("act", lambda *_: sys.exit(0)),
@@ -99,7 +104,7 @@ MISDEEDS = {
     "interrupts": ("act", raising(KeyboardInterrupt())),
     "cancels": ("act", raising(asyncio.CancelledError())),
     "stops": ("reset", raising(Stop("base"))),
-    "moves": ("reset", lambda self, *_: (os.chdir("/"), setattr(self, "_left", 0))),
+    "moves": ("reset", moving),
     "prints": ("act", printing),
     "lingers": ("act", lingering),
     "answers": ("act", lambda *_: "NAVIGATE_TO(bed)"),
@@ -113,5 +118,6 @@ MISDEEDS = {
 
 NAMES = ("fair", "peeking", "numpy", *MISDEEDS)
 
-for _agent in (Fair, Peeking, Numpy, *(_class(name, *misdeed) for name, misdeed in MISDEEDS.items())):
+_AGENTS: list[type[Fair]] = [Fair, Peeking, Numpy, *(_class(name, *misdeed) for name, misdeed in MISDEEDS.items())]
+for _agent in _AGENTS:
     gavel_agents.register(_agent.name, _agent)

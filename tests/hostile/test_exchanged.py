@@ -25,7 +25,7 @@ from gavel_env.world_model.ontology import default_ontology
 
 pytestmark = pytest.mark.hostile
 
-JUNK = st.sampled_from(
+JUNK: st.SearchStrategy[Any] = st.sampled_from(
     [None, True, -1, 0, 1.5, 1e300, 10**40, "", "x", "a\nb", "robot", "fridge_0", "any_x", [], {}, [[]], [[0, 1]] * 3]
 )
 WAY = st.lists(st.integers(0, 50), min_size=1, max_size=5)

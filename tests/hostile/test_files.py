@@ -72,7 +72,7 @@ def test_a_file_that_is_none_is_said(tmp_path: Path, name: str, kind: str) -> No
         READERS[name](path if name != "answers.jsonl" else str(path))  # type: ignore[operator]
 
 
-JUNK = st.sampled_from(
+JUNK: st.SearchStrategy[Any] = st.sampled_from(
     [None, True, -1, 0, 1e6, 1e300, -1e300, 10**40, "", "x", "a\nb", "robot", "kitchen_0", [], {}, [[]]]
 )
 SCENE = json.loads(shipped_data("scenes", "Rs_int.json").read_bytes())

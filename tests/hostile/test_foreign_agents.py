@@ -11,6 +11,7 @@ from eval.records.journal import read_records
 from eval.records.schema import EpisodeRecord
 from eval.run.contestants import choose
 from eval.run.episodes import EnvironmentSettings
+from eval.run.rig import import_plugins
 from eval.run.runner import run, schedule
 from gavel_env.instructions.record import read_instructions, shipped
 
@@ -19,7 +20,7 @@ pytestmark = pytest.mark.hostile
 PLUGIN = "tests.hostile.foreign"
 SETTINGS = EnvironmentSettings(options={"observation": "symbolic"})
 
-ENDS = {
+ENDS: dict[str, str | tuple[str, ...]] = {
     "fair": ("unmet", "violation"),
     "peeking": "unmet",
     "numpy": ("unmet", "violation"),
@@ -45,7 +46,7 @@ ENDS = {
 @pytest.fixture(scope="module")
 def records(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[EpisodeRecord]]:
     """Run every agent of the list, and the oracle among them, over the same two instructions."""
-    import tests.hostile.foreign  # noqa: F401  (registers agents)
+    import_plugins([PLUGIN])  # registers agents
 
     names = tuple(ENDS)
     out = tmp_path_factory.mktemp("run")
@@ -85,7 +86,7 @@ def test_an_agent_drives_and_leaves_its_trace(records: dict[str, list[EpisodeRec
 
 
 def test_what_agents_print_is_no_part_of_the_output(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    import tests.hostile.foreign  # noqa: F401  (registers agents)
+    import_plugins([PLUGIN])  # registers agents
 
     plan = schedule(
         choose(["prints"], SETTINGS),

@@ -25,7 +25,7 @@ CHANGES: list[Callable[[Observed], Any]] = [
     lambda seen: seen.graph.world.nodes.clear(),  # type: ignore[attr-defined]
     lambda seen: seen.graph.world.by_category.clear(),  # type: ignore[attr-defined]
     lambda seen: seen.graph.supports.pop(next(iter(seen.graph.supports))),  # type: ignore[attr-defined]
-    lambda seen: seen.graph.supports.__setitem__("x", Support(Relation.FLOOR, "y")),  # type: ignore[attr-defined]
+    lambda seen: seen.graph.supports.__setitem__("x", Support(Relation.FLOOR, "y")),  # type: ignore[index]
     lambda seen: seen.graph.contents.clear(),  # type: ignore[attr-defined]
     lambda seen: seen.positions.clear(),  # type: ignore[attr-defined]
     lambda seen: seen.layout.pieces.clear(),  # type: ignore[attr-defined]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import msgspec
 import numpy as np
 import pytest
@@ -116,7 +118,7 @@ def _walls(scene: Scene) -> object:
 
 
 def test_no_step_and_no_diagonal_joins_rooms_without_an_opening(mapped: FloorMap) -> None:
-    openings = {frozenset(o.rooms): [] for o in mapped.scene.openings}
+    openings: dict[frozenset[str], list[Any]] = {frozenset(o.rooms): [] for o in mapped.scene.openings}
     for o in mapped.scene.openings:
         openings[frozenset(o.rooms)].append(LineString(o.segment))
     height, width = mapped.shape
@@ -167,7 +169,8 @@ def test_room_distances_are_a_metric_over_reachable_rooms(mapped: FloorMap) -> N
 def test_known_layout_ignores_furniture_and_the_true_map_does_not() -> None:
     layout, true_map = known_layout(flat()), floor_map(flat())
     assert not layout.pieces
-    assert layout.scene.furniture == layout.scene.items == ()
+    assert layout.scene.furniture == ()
+    assert layout.scene.items == ()
     assert (layout.rooms == true_map.rooms).all()
     assert (layout.free | ~true_map.free).all()
     assert layout.traversable_m2("kitchen_0") > true_map.traversable_m2("kitchen_0") + 1.0

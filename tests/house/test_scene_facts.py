@@ -62,7 +62,8 @@ def test_a_room_without_a_floor_is_in_no_house() -> None:
     """Nothing stands, hangs or lies in Wainscott_1's private office: there is no such room to be sent to."""
     scene = load_scene("Wainscott_1_int")
     assert "private_office_0" not in {room.id for room in scene.rooms}
-    assert "private_office_0" not in {thing.room for thing in (*scene.furniture, *scene.items)}
+    assert "private_office_0" not in {thing.room for thing in scene.furniture}
+    assert "private_office_0" not in {thing.room for thing in scene.items}
 
 
 @pytest.mark.data

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,8 @@ from gavel_env.house.sight_points import HEADINGS, SightPoints, bits, sight_poin
 
 def marked(words: np.ndarray, count: int) -> np.ndarray:
     """Undo `bits`."""
-    return np.unpackbits(np.ascontiguousarray(words).view(np.uint8), axis=-1, bitorder="little")[..., :count] == 1
+    single = np.unpackbits(np.ascontiguousarray(words).view(np.uint8), axis=-1, bitorder="little")[..., :count]
+    return np.equal(single, 1)
 
 
 @pytest.fixture(scope="module", params=["flat", "Rs_int"])
@@ -90,7 +92,8 @@ def test_walls_of_the_flat_stop_sight_reach_and_travel() -> None:
         if np.linalg.norm(place[a] - place[b]) <= layout.robot.camera_range_m:
             line = place[a] + np.linspace(0.0, 1.0, 400)[:, None] * (place[b] - place[a])
             met = {layout.cell_at(x, y) for x, y in line}
-            assert sees[a, b] <= (not any(layout.opaque.flat[cell] for cell in met))
+            assert None not in met
+            assert sees[a, b] <= (not any(layout.opaque.flat[cell] for cell in met if cell is not None))
     assert sees[np.ix_(room["hall_0"], room["kitchen_0"])].any()
     assert not reach[np.ix_(room["hall_0"], room["kitchen_0"])].any()
     pantry = layout.room_index["pantry_0"]
@@ -110,7 +113,9 @@ def test_the_entry_of_a_room_is_its_nearest_point(layout: FloorMap, points: Sigh
 
 
 def _same(a: SightPoints, b: SightPoints) -> bool:
-    return all(np.array_equal(x, y) and x.dtype == y.dtype for x, y in zip(a, b, strict=True))
+    ours: tuple[Any, ...] = a
+    theirs: tuple[Any, ...] = b
+    return all(np.array_equal(x, y) and x.dtype == y.dtype for x, y in zip(ours, theirs, strict=True))
 
 
 def test_the_cache_gives_back_what_was_computed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

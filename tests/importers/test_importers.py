@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import copy
 import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -11,16 +14,16 @@ from hypothesis import strategies as st
 
 import gavel_agents
 from gavel_env.errors import GavelError, GraphError
-from gavel_env.importers import IMPORTERS, from_ai2thor, from_conceptgraphs, from_hydra, from_virtualhome
+from gavel_env.importers import IMPORTERS, Imported, from_ai2thor, from_conceptgraphs, from_hydra, from_virtualhome
 from gavel_env.world_model.graph import Flag, Relation, SceneGraph
 from gavel_env.world_model.ontology import default_ontology
 
 
-def box(center, size):
+def box(center: list[float], size: list[float]) -> dict[str, list[float]]:
     return {"center": center, "size": size}
 
 
-VIRTUALHOME = {
+VIRTUALHOME: dict[str, Any] = {
     "nodes": [
         {"id": 11, "class_name": "kitchen", "category": "Rooms", "properties": [], "states": [], "prefab_name": "K",
          "bounding_box": box([0, 1, 0], [6, 3, 6])},
@@ -57,7 +60,7 @@ VIRTUALHOME = {
 }  # fmt: skip
 
 
-def at(x, y, z):
+def at(x: float, y: float, z: float) -> dict[str, float]:
     return {"x": x, "y": y, "z": z}
 
 
@@ -117,7 +120,7 @@ RELATIONS = [
 ]  # fmt: skip
 
 ROOM, PLACE, OBJECT = (ord(letter) << 56 for letter in "RpO")
-HYDRA = {
+HYDRA: dict[str, Any] = {
     "directed": False,
     "layer_ids": [2, 3, 4],
     "nodes": [
@@ -145,11 +148,11 @@ HYDRA = {
 }  # fmt: skip
 
 
-def places(graph):
+def places(graph: SceneGraph) -> dict[str, tuple[Relation, str]]:
     return {o: (s.relation, s.holder) for o, s in graph.supports.items()}
 
 
-def test_virtualhome():
+def test_virtualhome() -> None:
     found = from_virtualhome(VIRTUALHOME)
     graph = found.graph()
     assert places(graph) == {
@@ -162,15 +165,15 @@ def test_virtualhome():
         "towel_0": (Relation.HELD, "robot"),
     }
     assert graph.world.connections == {("bedroom_0", "kitchen_0")}
-    assert (graph.robot_room, graph.near, graph.holding) == ("kitchen_0", {"fridge_0"}, "towel_0")
+    assert (graph.robot_room, graph.near, graph.holding) == ("kitchen_0", frozenset({"fridge_0"}), "towel_0")
     assert graph.is_shut("fridge_0")
     assert graph.has(Flag.DIRTY, "plate_0")
     assert graph.category("kitchentable_0").surface
-    assert graph.world.layout.positions["fridge_0"] == (2, 1, 0.9)
+    assert graph.world.layout.positions["fridge_0"] == (2.0, 1.0, 0.9)
     assert found.names["fridge_0"] == "162"
 
 
-def test_procthor():
+def test_procthor() -> None:
     graph = from_ai2thor(PROCTHOR).graph()
     assert places(graph) == {
         "dining_table_0": (Relation.FLOOR, "kitchen_0"),
@@ -181,12 +184,12 @@ def test_procthor():
     }
     assert graph.world.connections == {("kitchen_0", "living_room_0")}
     assert graph.has(Flag.OPEN, "fridge_0")
-    assert graph.world.layout.positions["sofa_0"] == (7, 2, 0.3)
+    assert graph.world.layout.positions["sofa_0"] == (7.0, 2.0, 0.3)
     assert graph.world.rooms["living_room_0"].type == "living_room"
     assert graph.category("egg_0").liftable
 
 
-def test_the_metadata_of_ai2thor():
+def test_the_metadata_of_ai2thor() -> None:
     graph = from_ai2thor(THOR).graph()
     assert places(graph) == {
         "counter_top_0": (Relation.FLOOR, "room_0"),
@@ -195,10 +198,10 @@ def test_the_metadata_of_ai2thor():
     }
     assert graph.category("counter_top_0").surface
     assert (graph.has(Flag.DIRTY, "mug_0"), graph.has(Flag.OPEN, "microwave_0")) == (True, True)
-    assert graph.world.layout.positions["mug_0"] == (0, 0, 1.1)
+    assert graph.world.layout.positions["mug_0"] == (0.0, 0.0, 1.1)
 
 
-def test_conceptgraphs():
+def test_conceptgraphs() -> None:
     graph = from_conceptgraphs(CONCEPTGRAPHS, RELATIONS).graph()
     assert places(graph) == {
         "coffee_table_0": (Relation.FLOOR, "room_0"),
@@ -211,7 +214,7 @@ def test_conceptgraphs():
     assert places(from_conceptgraphs(list(CONCEPTGRAPHS.values())).graph())["spoon_0"] == (Relation.FLOOR, "room_0")
 
 
-def test_hydra():
+def test_hydra() -> None:
     graph = from_hydra(HYDRA, labels={7: "mug", 1: "living room"}).graph()
     assert places(graph) == {
         "coffee_table_0": (Relation.FLOOR, "kitchen_0"),
@@ -233,7 +236,9 @@ SOURCES = [
 
 
 @pytest.mark.parametrize(("importer", "source"), SOURCES)
-def test_what_is_imported_is_saved_and_read_again(importer, source, tmp_path):
+def test_what_is_imported_is_saved_and_read_again(
+    importer: Callable[..., Imported], source: Any, tmp_path: Path
+) -> None:
     (tmp_path / "theirs.json").write_text(json.dumps(source))
     found = importer(tmp_path / "theirs.json")
     found.save(tmp_path / "ours.json")
@@ -241,8 +246,9 @@ def test_what_is_imported_is_saved_and_read_again(importer, source, tmp_path):
 
 
 @pytest.mark.parametrize(("importer", "source"), SOURCES)
-def test_what_is_malformed_is_a_typed_error(importer, source, tmp_path):
-    for broken in ({}, [1], {"nodes": 3}, {"objects": [{}]}, "{", b"\xff", tmp_path / "none.json"):
+def test_what_is_malformed_is_a_typed_error(importer: Callable[..., Imported], source: Any, tmp_path: Path) -> None:
+    malformed: list[Any] = [{}, [1], {"nodes": 3}, {"objects": [{}]}, "{", b"\xff", tmp_path / "none.json"]
+    for broken in malformed:
         if broken == {} and importer is from_conceptgraphs:
             continue
         with pytest.raises(GavelError):
@@ -253,7 +259,7 @@ def test_what_is_malformed_is_a_typed_error(importer, source, tmp_path):
             importer(text[:cut])
 
 
-ODD = (
+ODD: st.SearchStrategy[Any] = (
     st.none()
     | st.booleans()
     | st.integers(-2, 3)
@@ -263,7 +269,7 @@ ODD = (
 )
 
 
-def spots(value, path=()):
+def spots(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
     """Yield every path inside a JSON value."""
     entries = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in entries:
@@ -273,7 +279,7 @@ def spots(value, path=()):
 
 @settings(max_examples=100, deadline=None)
 @given(st.data())
-def test_no_source_is_worse_than_a_typed_error(data):
+def test_no_source_is_worse_than_a_typed_error(data: st.DataObject) -> None:
     importer, source = data.draw(st.sampled_from(SOURCES))
     changed = copy.deepcopy(source)
     *path, last = data.draw(st.sampled_from(list(spots(source))))
@@ -288,7 +294,7 @@ def test_no_source_is_worse_than_a_typed_error(data):
     assert SceneGraph.from_json(found.graph().to_json()) == found.graph()
 
 
-def test_edges_to_nowhere_are_said():
+def test_edges_to_nowhere_are_said() -> None:
     lost = {"from_id": 162, "to_id": 999, "relation_type": "INSIDE"}
     with pytest.raises(GraphError, match=r"\$\.edges\[14\]: unknown id '999'"):
         from_virtualhome({**VIRTUALHOME, "edges": [*VIRTUALHOME["edges"], lost]})
@@ -298,12 +304,12 @@ def test_edges_to_nowhere_are_said():
         from_hydra({**HYDRA, "edges": [*HYDRA["edges"], {"source": 1, "target": 2}]}, labels={7: "mug"})
 
 
-def test_plans_are_verified_and_repaired_on_what_was_imported():
+def test_plans_are_verified_and_repaired_on_what_was_imported() -> None:
     graph = from_virtualhome({**VIRTUALHOME, "edges": [e for e in VIRTUALHOME["edges"] if e["to_id"] != 167]}).graph()
     found = gavel_agents.verify(graph=graph, goal="on_top(salmon_0, kitchentable_0)", plan="GRASP(salmon)")
     assert not found.valid
     assert found.passed
 
 
-def test_every_importer_has_a_name():
+def test_every_importer_has_a_name() -> None:
     assert set(IMPORTERS.values()) == {from_virtualhome, from_ai2thor, from_conceptgraphs, from_hydra}

@@ -6,6 +6,7 @@ import contextlib
 import gzip
 import multiprocessing
 import resource
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -28,21 +29,21 @@ class Echo:
     name = "echo"
     decoding = {"temperature": 0.0}  # noqa: RUF012
 
-    def complete(self, prompts: list[Prompt]) -> list[Completion]:
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         return [Completion(prompt.messages[-1].content.upper(), 7, 3, 0.5) for prompt in prompts]
 
 
 class Gone(Echo):
     """Cannot be reached."""
 
-    def complete(self, prompts: list[Prompt]) -> list[Completion]:
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         raise ConnectionError("no route to the host")
 
 
 class Half(Echo):
     """Answers with half a character at the end."""
 
-    def complete(self, prompts: list[Prompt]) -> list[Completion]:
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         return [Completion(prompt.messages[-1].content.upper() + " \ud800") for prompt in prompts]
 
 

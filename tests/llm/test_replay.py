@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import gymnasium as gym
@@ -35,7 +36,7 @@ class Echo:
         self.decoding = {"temperature": temperature}
         self.asked = 0
 
-    def complete(self, prompts: list[Prompt]) -> list[Completion]:
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         self.asked += len(prompts)
         return [Completion(prompt.messages[-1].content.upper(), 7, 3, 0.5) for prompt in prompts]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import gymnasium as gym
@@ -76,7 +77,7 @@ class Sampling:
         self.name, self.decoding = "sampling", {"temperature": temperature}
         self.calls = 0
 
-    def complete(self, prompts: list[Prompt]) -> list[Completion]:
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         self.calls += len(prompts)
         return [Completion(str(decoding_of(self.decoding, prompt).get("seed"))) for prompt in prompts]
 
@@ -102,7 +103,7 @@ class Learning:
     def __init__(self) -> None:
         self.seeds: list[int | None] = []
 
-    def complete(self, prompts: list[Prompt]) -> list[Completion]:
+    def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:
         self.seeds += [prompt.seed for prompt in prompts]
         good = ReferencePlans("single").complete(prompts)
         return [Completion("GRASP moon") if p.attempt == 0 else c for p, c in zip(prompts, good, strict=True)]

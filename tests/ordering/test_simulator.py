@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from support.floor_scenes import flat
+from support.houses import unwrapped
 
 import gavel_agents
 from gavel_agents.ordering.decision import ranked_orders
@@ -28,7 +30,7 @@ def plan(*steps: str) -> list[Action]:
     return [parse_action(step) for step in steps]
 
 
-def known_in(layout: FloorMap, belief: Mapping[str, Mapping[str, float]], **more: object) -> Knowledge:
+def known_in(layout: FloorMap, belief: Mapping[str, Mapping[str, float]], **more: Any) -> Knowledge:
     rooms = tuple(r for r in layout.room_ids if layout.room_points[r] is not None)
     vectors = {node: np.array([of.get(r, 0.0) for r in rooms]) for node, of in belief.items()}
     plain = Knowledge(
@@ -270,8 +272,8 @@ def test_with_the_world_given_it_drives_what_the_executor_drives() -> None:
         order = list(agent._order)
         first = info["observed"]
         known = knowledge(agent._graph, agent._belief, agent._binder, first)
-        executor = env.unwrapped.privileged_state().executor
-        places, start = executor.places, env.unwrapped.privileged_state().graph
+        executor = unwrapped(env).privileged_state().executor
+        places, start = executor.places, unwrapped(env).privileged_state().graph
         spots = dict(places.spots)
         while (action := agent.act(observation, info)) is not None:
             observation, _, _, _, info = env.step(action)

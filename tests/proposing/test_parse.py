@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Sequence
 
 import pytest
 from hypothesis import given
@@ -16,7 +17,7 @@ from gavel_env.world_model.actions import Action, Primitive, parse_action
 WANTED = ("NAVIGATE_TO(fridge_0)", "OPEN(fridge_0)", "GRASP(steak_0)", "CLOSE(fridge_0)")
 
 
-def texts(plans):
+def texts(plans: Iterable[Sequence[Action]]) -> list[list[str]]:
     return [[str(action) for action in plan] for plan in plans]
 
 
@@ -45,7 +46,7 @@ def texts(plans):
         '{"plan": ["NAVIGATE_TO(fridge_0)",\n "OPEN(fridge_0)",\n "GRASP(steak_0)",\n "CLOSE(fridge_0)",\n "OPE',
     ],
 )
-def test_one_plan_in_many_forms(answer):
+def test_one_plan_in_many_forms(answer: str) -> None:
     assert texts(parse_plans(answer).plans) == [list(WANTED)]
 
 
@@ -64,18 +65,18 @@ def test_one_plan_in_many_forms(answer):
         '{"plans": {"put it away": ["NAVIGATE_TO(a)", "GRASP(a)"], "lamp": ["NAVIGATE_TO(b)", "TOGGLE_ON(b)"]}}',
     ],
 )
-def test_several_tasks_in_one_answer(answer):
+def test_several_tasks_in_one_answer(answer: str) -> None:
     wanted = [["NAVIGATE_TO(a)", "GRASP(a)"], ["NAVIGATE_TO(b)", "TOGGLE_ON(b)"]]
     assert texts(parse_plans(answer, tasks=2).plans) == wanted
 
 
-def test_a_missing_task_is_an_empty_plan_in_its_place():
+def test_a_missing_task_is_an_empty_plan_in_its_place() -> None:
     parsed = parse_plans("Task 2:\nNAVIGATE_TO(b)", tasks=3)
     assert texts(parsed.plans) == [[], ["NAVIGATE_TO(b)"], []]
     assert parsed.problem == ""
 
 
-def test_what_is_dropped_is_listed_with_line_and_reason():
+def test_what_is_dropped_is_listed_with_line_and_reason() -> None:
     parsed = parse_plans("<think>\nhm\n</think>\nHere is the plan:\nNAVIGATE_TO(a)\nDance around the fridge\nGRASP(a)")
     assert texts(parsed.plans) == [["NAVIGATE_TO(a)", "GRASP(a)"]]
     assert [(d.line, d.text) for d in parsed.dropped] == [(4, "Here is the plan:"), (6, "Dance around the fridge")]
@@ -93,7 +94,7 @@ def test_what_is_dropped_is_listed_with_line_and_reason():
         ('{"plan": 3}', "no action in the answer"),
     ],
 )
-def test_a_malformed_answer_is_a_result(answer, problem):
+def test_a_malformed_answer_is_a_result(answer: str, problem: str) -> None:
     parsed = parse_plans(answer, tasks=2)
     assert parsed.plans == ((), ())
     assert parsed.problem == problem
@@ -117,17 +118,17 @@ def test_a_malformed_answer_is_a_result(answer, problem):
         ("NAVIGATE_TO(bottom_cabinet@private_office)", "NAVIGATE_TO(bottom_cabinet@private_office)"),
     ],
 )
-def test_phrases(line, wanted):
+def test_phrases(line: str, wanted: str) -> None:
     assert texts(parse_plans(line).plans) == [[wanted]]
 
 
-def test_prose_that_mentions_actions_is_no_action():
+def test_prose_that_mentions_actions_is_no_action() -> None:
     answer = "Go over what is known about all of the objects in the house before anything else is done here."
     assert parse_plans(answer).plans == ()
 
 
 @given(st.text(max_size=300))
-def test_no_answer_raises(answer):
+def test_no_answer_raises(answer: str) -> None:
     parsed = parse_plans(answer, kitchen(), tasks=2)
     assert len(parsed.plans) == 2
     assert bool(parsed.problem) == (not any(parsed.plans))
@@ -140,7 +141,7 @@ _PIECES = st.sampled_from(
 
 
 @given(st.lists(_PIECES, max_size=40).map("".join))
-def test_no_broken_json_raises(answer):
+def test_no_broken_json_raises(answer: str) -> None:
     assert len(parse_plans(answer, kitchen(), tasks=2).plans) == 2
 
 
@@ -152,7 +153,7 @@ _ACTIONS = st.builds(
 
 
 @given(st.lists(_ACTIONS, min_size=1, max_size=8).map(tuple), st.booleans())
-def test_what_is_written_is_read(plan, as_json):
+def test_what_is_written_is_read(plan: tuple[Action, ...], as_json: bool) -> None:
     written = [str(action) for action in plan]
     answer = json.dumps({"plan": written}) if as_json else "\n".join(f"{i}. {a}" for i, a in enumerate(written, 1))
     assert parse_plans(answer).plans == (plan,)
@@ -177,11 +178,11 @@ def test_what_is_written_is_read(plan, as_json):
         ("fridge@living_room", "fridge@living_room"),
     ],
 )
-def test_names_resolve_exactly_then_by_unique_category(name, wanted):
+def test_names_resolve_exactly_then_by_unique_category(name: str, wanted: str) -> None:
     assert resolve_name(kitchen(), name) == wanted
 
 
-def test_an_ambiguous_category_stays_as_it_is():
+def test_an_ambiguous_category_stays_as_it_is() -> None:
     graph = build({"fridge_0": "floor kitchen_0", "fridge_1": "floor garage_0", "shelf_0": "floor garage_0"})
     assert resolve_name(graph, "fridge") == "fridge"
     assert resolve_name(graph, "fridges") == "fridges"
@@ -189,6 +190,6 @@ def test_an_ambiguous_category_stays_as_it_is():
     assert resolve_name(graph, "shelves") == "shelf_0"
 
 
-def test_plans_resolve_against_the_graph_given():
+def test_plans_resolve_against_the_graph_given() -> None:
     parsed = parse_plans("NAVIGATE_TO(the fridge)\nOPEN(Fridge)\nGRASP(steaks)", kitchen())
     assert texts(parsed.plans) == [["NAVIGATE_TO(fridge_0)", "OPEN(fridge_0)", "GRASP(steak_0)"]]

@@ -18,6 +18,7 @@ from gavel_env.errors import SceneError
 from gavel_env.house.scenes import Furniture, Opening, RoomOutline, Scene, scene_names
 from gavel_env.render import EpisodeView, Marker, RobotPose, ScenePicture, SeenFloor, draw_episode_frame, draw_scene
 from gavel_env.render import labels as labels_module
+from gavel_env.render.canvas import stamp
 from gavel_env.render.floor import door_leaf
 from gavel_env.render.style import INK, KIND_COLOURS, PAPER, WALL, Kind, floor_of, kind_of, room_title
 
@@ -49,7 +50,8 @@ def piece(name: str, x: float, y: float, yaw: float, size: tuple[float, float, f
 
 def at(picture: ScenePicture, x: float, y: float, image: np.ndarray | None = None) -> np.ndarray:
     column, row = picture.view.pixel(x, y)
-    return (picture.background if image is None else image)[int(row), int(column)].astype(int)
+    colour: np.ndarray = (picture.background if image is None else image)[int(row), int(column)].astype(int)
+    return colour
 
 
 def test_size_follows_the_scale() -> None:
@@ -128,7 +130,6 @@ def test_door_leaf_avoids_furniture() -> None:
 
 def test_names_do_not_overlap(monkeypatch: pytest.MonkeyPatch) -> None:
     written: list[tuple[int, int, int, int]] = []
-    stamp = labels_module.stamp
 
     def record(image: np.ndarray, letters: np.ndarray, corner: tuple[int, int], *colours: object) -> None:
         assert 0 <= corner[0] <= image.shape[1] - letters.shape[1]

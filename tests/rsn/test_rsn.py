@@ -7,11 +7,13 @@ import subprocess
 import sys
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from eval.cli import main
 from eval.studies import beliefs
@@ -172,7 +174,10 @@ def test_packaged_encoder_gives_the_table(table: PhraseTable) -> None:
 
 
 def test_tensors_are_the_librarys_format_and_stable(tmp_path: Path) -> None:
-    tensors = {"b": np.arange(3, dtype=np.float16), "a": np.eye(2, dtype=np.float32)}
+    tensors: dict[str, NDArray[np.floating[Any]]] = {
+        "b": np.arange(3, dtype=np.float16),
+        "a": np.eye(2, dtype=np.float32),
+    }
     for name in ("one", "two"):
         write_tensors(tmp_path / name, tensors, {"format": "x/1", "encoder": "e"})
     assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
@@ -337,7 +342,7 @@ def test_score_by_hand() -> None:
     # True rooms have 0.5 and 0.9, the others 0.5, 0.0 and 0.1: five pairs of six in order, and one tie.
     assert result.auc == pytest.approx(5.5 / 6)
     assert [n for n, _, _ in result.calibration] == [1, 1, 0, 0, 0, 2, 0, 0, 0, 1]
-    assert result.calibration[5] == (2, pytest.approx(0.5), pytest.approx(0.5))
+    assert result.calibration[5] == pytest.approx((2, 0.5, 0.5))
     with pytest.raises(ValueError, match="no queries"):
         score("x", [])
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from functools import partial
+from operator import eq
 from pathlib import Path
 from unittest.mock import ANY
 
@@ -321,8 +323,7 @@ def test_plans_that_the_world_model_accepts_can_be_driven(house: str) -> None:
         for action in accepted_plan(model, 17, rng, reachable):
             expected = apply(model, action)
             if action.primitive is GO and action.target not in executor.graph.world.nodes:
-                wanted = action.target
-                outcome = executor.step(action, accepts=lambda obj, wanted=wanted: obj == wanted)
+                outcome = executor.step(action, accepts=partial(eq, action.target))
             else:
                 outcome = executor.step(action)
             assert outcome.ok, (house, seed, str(action), outcome.violation)

@@ -1,5 +1,7 @@
 """Searches drive no farther than a room asks for: long frontiers are cut, those of a house's rooms stay whole."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -37,7 +39,7 @@ def test_a_large_room_is_searched_by_strips_and_not_criss_cross(scene: str) -> N
 def test_in_a_house_no_frontier_is_long_enough_to_be_cut(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     floor = floor_map(load_scene(scene))
     trail = _search_all(floor).take_trail()
-    whole = sight_kernels.cluster_centres
+    whole: Any = sight_kernels.cluster_centres
     monkeypatch.setattr(sight_kernels, "cluster_centres", lambda *args: whole(*args[:-1], floor.rooms.size))
     assert np.array_equal(trail, _search_all(floor).take_trail())
 

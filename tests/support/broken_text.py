@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 from gavel_agents.beliefs.believed_graph import believed_graph
 from gavel_agents.understanding import TaskUnderstanding
-from gavel_agents.understanding.rules.lexer import closed_words, known_nouns
+from gavel_agents.understanding.rules.nouns import known_nouns
+from gavel_agents.understanding.rules.words import closed_words
 from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.initial_graph import scene_graph
 from gavel_env.world_model.ontology import default_ontology

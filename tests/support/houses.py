@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsFloat
 
 import gymnasium as gym
 
-import gavel_env  # noqa: F401  # registers the environments
+from gavel_env.envs.env import GavelEnv
 from gavel_env.exchange import EnvAction
 from gavel_env.instructions.record import Instruction, read_instructions
 from gavel_env.world_model.actions import Action, parse_action
@@ -15,6 +15,8 @@ from gavel_env.world_model.ontology import category_of
 
 FILE = Path(__file__).parents[1] / "data" / "instructions.jsonl"
 INSTRUCTIONS = dict(read_instructions(FILE))
+
+Stepped = tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]
 
 
 def make(**kwargs: Any) -> gym.Env[Any, Any]:
@@ -29,27 +31,36 @@ def start(instruction: str, seed: int = 0, **kwargs: Any) -> gym.Env[Any, Any]:
     return env
 
 
+def unwrapped(env: gym.Env[Any, Any]) -> GavelEnv:
+    """Return what the wrappers are around."""
+    found = env.unwrapped
+    assert isinstance(found, GavelEnv)
+    return found
+
+
 def send(env: gym.Env[Any, Any], action: Action) -> EnvAction:
     """Return an action as one sends it who was told the room: by id if it is observed, else by category and room."""
-    if action.target is None or action.target in env.unwrapped.observed.graph.world.nodes:
+    if action.target is None or action.target in unwrapped(env).observed.graph.world.nodes:
         return EnvAction.of(action)
-    room = env.unwrapped.privileged_state().graph.room_of(action.target)
+    room = unwrapped(env).privileged_state().graph.room_of(action.target)
     return EnvAction(action.primitive, f"{category_of(action.target)}@{room}")
 
 
-def by_reference(env: gym.Env[Any, Any], instruction: Instruction) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+def by_reference(env: gym.Env[Any, Any], instruction: Instruction) -> Stepped:
     """Follow the reference plan until the episode ends."""
-    last: Any = None
+    last: Stepped | None = None
     for action in instruction.reference_plan():
         last = env.step(send(env, action))
         if last[2] or last[3]:
             break
+    assert last is not None
     return last
 
 
-def steps(env: gym.Env[Any, Any], *plan: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+def steps(env: gym.Env[Any, Any], *plan: str) -> Stepped:
     """Take steps given as text; return what the last one returned."""
-    last: Any = None
+    last: Stepped | None = None
     for text in plan:
         last = env.step(EnvAction.of(parse_action(text)))
+    assert last is not None
     return last

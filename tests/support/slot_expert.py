@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from support.houses import unwrapped
+
 from gavel_env.envs.rl import SlotEnv
 from gavel_env.world_model.actions import Primitive
 from gavel_env.world_model.ontology import category_of
@@ -12,7 +14,7 @@ from gavel_env.world_model.ontology import category_of
 def follow(env: SlotEnv, instruction: str, rewards: list[float] | None = None) -> bool:
     """Carry out an instruction by its reference plan; what no slot stands for yet is come across while searching."""
     _, info = env.reset(seed=0, options={"instruction": instruction})
-    for action in env.unwrapped.privileged_state().instruction.reference_plan():
+    for action in unwrapped(env).privileged_state().instruction.reference_plan():
         arrived = False
         while not arrived:
             choices = _slots_for(env, info, action.primitive, action.target)

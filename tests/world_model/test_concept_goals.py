@@ -50,7 +50,7 @@ def met_by_some_choice(goal: Goal, graph: SceneGraph) -> bool:
 def _true(literal: Literal, bound: dict[Designator, str], graph: SceneGraph) -> bool:
     subject = Designator(bound[literal.subject])
     if literal.object is None:
-        options = [None]
+        options: list[Designator | None] = [None]
     elif literal.predicate is Predicate.IN_ROOM:
         kinds = default_concepts().room_types(str(literal.object))
         options = [Designator(kind) for kind in kinds]

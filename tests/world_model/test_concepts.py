@@ -25,21 +25,21 @@ from gavel_env.world_model.ontology import Category, Ontology, default_ontology
 CONCEPTS = default_concepts()
 
 
-def test_every_category_is_reached_by_its_own_name():
+def test_every_category_is_reached_by_its_own_name() -> None:
     for category in default_ontology():
         named = CONCEPTS.meaning(category.replace("_", " ")).thing
         assert named is not None, category
         assert category in CONCEPTS.categories(named), category
 
 
-def test_every_room_type_is_reached_by_its_own_name():
+def test_every_room_type_is_reached_by_its_own_name() -> None:
     for kind in default_vocabulary().rooms:
         named = CONCEPTS.meaning(kind.replace("_", " ")).place
         assert named is not None, kind
         assert kind in CONCEPTS.room_types(named), kind
 
 
-def test_every_noun_of_the_benchmarks_includes_what_it_means_there():
+def test_every_noun_of_the_benchmarks_includes_what_it_means_there() -> None:
     vocabulary = default_vocabulary()
     for category in (*vocabulary.movables, *vocabulary.furniture):
         for noun in vocabulary.nouns(category):
@@ -53,7 +53,7 @@ def test_every_noun_of_the_benchmarks_includes_what_it_means_there():
             assert kind in CONCEPTS.room_types(named), (noun, kind, named)
 
 
-def test_every_listed_word_names_what_is_there():
+def test_every_listed_word_names_what_is_there() -> None:
     ontology, rooms = default_ontology(), default_vocabulary().rooms
     for words, members, known in (
         (CONCEPTS.thing_words, CONCEPTS.categories, ontology),
@@ -74,11 +74,11 @@ THINGS, ROOMS = (
 )
 
 
-def test_common_nouns_of_a_household_are_covered():
+def test_common_nouns_of_a_household_are_covered() -> None:
     assert [noun for noun in THINGS if CONCEPTS.meaning(noun).thing is None] == ["water"]  # in what?
 
 
-def test_common_names_of_rooms_are_covered():
+def test_common_names_of_rooms_are_covered() -> None:
     assert [room for room in ROOMS if CONCEPTS.meaning(room).place is None] == []
 
 
@@ -103,18 +103,18 @@ def test_common_names_of_rooms_are_covered():
         ("cupboards under the counter", "bottom_cabinet_no_top", None),
     ],
 )
-def test_words_are_read_in_any_form(said, thing, place):
+def test_words_are_read_in_any_form(said: str, thing: str | None, place: str | None) -> None:
     assert CONCEPTS.meaning(said) == Meaning(thing, place)
 
 
 @settings(deadline=None)
 @given(st.sampled_from(sorted(CONCEPTS.thing_words)), st.sampled_from([" ", "_", "-"]), st.booleans())
-def test_a_word_is_read_however_it_is_joined(word, gap, shout):
+def test_a_word_is_read_however_it_is_joined(word: str, gap: str, shout: bool) -> None:
     written = word.replace(" ", gap)
     assert CONCEPTS.meaning(written.upper() if shout else written).thing == CONCEPTS.thing_words[word]
 
 
-def test_a_house_narrows_rooms_to_those_that_it_has():
+def test_a_house_narrows_rooms_to_those_that_it_has() -> None:
     assert CONCEPTS.narrow_room("any_office", ["kitchen", "private_office"]) == "private_office"
     assert CONCEPTS.narrow_room("any_office", ["private_office", "shared_office"]) == "any_office"
     assert CONCEPTS.narrow_room("any_office", ["kitchen"]) == "any_office"
@@ -124,7 +124,7 @@ def test_a_house_narrows_rooms_to_those_that_it_has():
         CONCEPTS.narrow_room("any_ofice", ["kitchen"])
 
 
-def test_what_a_thing_must_be_able_to_do_narrows_it():
+def test_what_a_thing_must_be_able_to_do_narrows_it() -> None:
     ontology = default_ontology()
     lamps = CONCEPTS.narrow_thing("any_lamp", lambda name: ontology[name].surface)
     assert lamps == "any_lamp"  # none is: nothing is known better
@@ -133,7 +133,7 @@ def test_what_a_thing_must_be_able_to_do_narrows_it():
     assert drawer in CONCEPTS.things["nightstand"].also
 
 
-def test_a_concept_fits_every_instance_of_its_categories_in_its_rooms():
+def test_a_concept_fits_every_instance_of_its_categories_in_its_rooms() -> None:
     ontology = default_ontology()
     rooms = {f"{kind}_0": Room(f"{kind}_0", kind) for kind in ("private_office", "shared_office", "kitchen")}
     nodes = {}
@@ -152,7 +152,7 @@ def test_a_concept_fits_every_instance_of_its_categories_in_its_rooms():
     assert fitting(graph, Designator.parse("any_tv")) == ()
 
 
-def test_categories_of_ones_own_bring_their_words():
+def test_categories_of_ones_own_bring_their_words() -> None:
     pool = Category(
         name="birthing_pool",
         synset="",
@@ -166,20 +166,22 @@ def test_categories_of_ones_own_bring_their_words():
     assert ontology.concepts.meaning("Water-birth tubs").thing == "birthing_pool"
     assert "birthing_pool" in ontology.concepts.categories("any_tub")
     assert "any_tub" in ontology["birthing_pool"].concepts
-    assert ontology.concepts.categories(ontology.concepts.meaning("couch").thing) == ("sofa", "cat_tree")
+    couch = ontology.concepts.meaning("couch").thing
+    assert couch is not None
+    assert ontology.concepts.categories(couch) == ("sofa", "cat_tree")
     assert default_concepts().meaning("couch").thing == "sofa"
     hatch = Category(name="serving_hatch", synset="", source="own", surface=True)
     assert Ontology((hatch,)).concepts.meaning("serving hatches").thing == "serving_hatch"
     assert default_ontology().concepts is default_concepts()  # nothing of the shipped ones is missing
 
 
-def test_concepts_are_kept_apart_from_categories():
+def test_concepts_are_kept_apart_from_categories() -> None:
     assert not [category for category in default_ontology() if is_concept(category)]
     assert not [kind for kind in default_vocabulary().rooms if is_concept(kind)]
     assert all(word == normal_phrase(word) for word in CONCEPTS.thing_words)
 
 
-def test_malformed_tables_are_refused(tmp_path: Path):
+def test_malformed_tables_are_refused(tmp_path: Path) -> None:
     good = {"format": "gavel-concepts/1", "provenance": "", "things": {}, "places": {}, "thing_words": {},
             "place_words": {}, "plurals": {}}  # fmt: skip
     for change, said in (
@@ -198,14 +200,14 @@ def test_malformed_tables_are_refused(tmp_path: Path):
         load_concepts(tmp_path / "none.json")
 
 
-def test_a_table_without_irregular_plurals_still_reads_regular_ones():
+def test_a_table_without_irregular_plurals_still_reads_regular_ones() -> None:
     table = Concepts({}, {}, {"box": "packing_box", "berry": "blackberry"}, {}, {})
     assert table.meaning("boxes").thing == "packing_box"
     assert table.meaning("berries").thing == "blackberry"
     assert table.meaning("glass").thing is None
 
 
-def test_a_concept_of_one_is_no_concept():
+def test_a_concept_of_one_is_no_concept() -> None:
     assert all(len(concept.members) > 1 for name, concept in CONCEPTS.things.items() if is_concept(name))
     assert Concept(("mug",)) != Concept(("mug",), ("cup",))
 
@@ -226,7 +228,7 @@ def excerpt() -> list[str]:
     return rows
 
 
-def test_the_docs_show_the_table_as_it_is():
+def test_the_docs_show_the_table_as_it_is() -> None:
     [page] = (Path(__file__).parents[2] / "docs").rglob("concepts.md")
     text = page.read_text(encoding="utf-8")
     shown = text.split("<!-- excerpt -->")[1].split("<!-- end of excerpt -->")[0].strip().splitlines()[2:]

@@ -99,10 +99,11 @@ def expected(formula: Formula, graph: SceneGraph, bound: Mapping[str, str]) -> b
             theirs = {edge[::2] for edge in edges if edge[1] == other and edge[0] in ("on_top", "object_inside")}
             return obj != other and bool(mine & theirs)
         if formula.predicate == "within":
-            while obj is not None:
-                if ("object_inside", obj, other) in edges:
+            at: str | None = obj
+            while at is not None:
+                if ("object_inside", at, other) in edges:
                     return True
-                obj = next((b for a, b in held if a == obj), None)
+                at = next((b for a, b in held if a == at), None)
             return False
         return ({"inside": "object_inside"}.get(formula.predicate, formula.predicate), obj, other) in edges
     if isinstance(formula, Not):

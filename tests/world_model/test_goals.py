@@ -303,6 +303,12 @@ def test_further_conditions_are_part_of_the_goal() -> None:
         def holds(self, graph: SceneGraph) -> bool:
             return graph.holding == "apple_0"
 
+        def wants(self, flag: Flag, obj: str, graph: SceneGraph) -> bool:
+            return False
+
+        def text(self) -> str:
+            return "the apple is held"
+
     condition = Never()
     goal = parse_goal(["on_top(apple, countertop)"]) | Goal(conditions=(condition,))
     assert unmet(goal, kitchen()) == (condition,)
@@ -346,7 +352,8 @@ def test_a_goal_may_be_given_in_every_form() -> None:
         == wanted
     )
     assert as_goal(one) == Goal((one,))
-    for nothing in ("", [], " "):
+    nothings: tuple[str | list[str], ...] = ("", [], " ")
+    for nothing in nothings:
         with pytest.raises(MalformedGoal, match="asks for nothing"):
             as_goal(nothing)
     with pytest.raises(MalformedGoal, match="goal 7 is not text"):

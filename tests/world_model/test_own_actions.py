@@ -5,6 +5,8 @@ from __future__ import annotations
 import copy
 import json
 import re
+from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from support.counting import calls_of
@@ -47,7 +49,7 @@ WIPE = OwnAction("WIPE", ("x",), needs=("near(x)", rag_in_hand), effects=("not d
 POUR = OwnAction("POUR", ("x", "y"), needs=("holding(x)", "filled(x)", "near(y)", "interior(y)"),
                  effects=("filled(y)", "not filled(x)"), words=("tip",), says="pour what is in x into y")  # fmt: skip
 FILL = OwnAction("FILL", ("x", "y"), needs=("holding(x)", "near(y)", "switch(y)"), effects=("filled(x)",))
-LAB = {
+LAB: dict[str, Any] = {
     "format": "gavel-graph/1",
     "rooms": [{"id": "lab"}, {"id": "store"}],
     "categories": {
@@ -69,20 +71,20 @@ LAB = {
 
 
 @pytest.fixture(autouse=True)
-def own():
+def own() -> Iterator[tuple[Primitive, ...]]:
     with registered(WIPE, POUR, FILL) as primitives:
         yield primitives
     assert own_actions() == ()
 
 
-def lab(**flags):
+def lab(**flags: list[str]) -> SceneGraph:
     data = copy.deepcopy(LAB)
     for node in data["nodes"]:
         node["flags"] = flags.get(node["id"], node.get("flags", []))
     return SceneGraph.from_json(data)
 
 
-def plan(*steps):
+def plan(*steps: str) -> tuple[Action, ...]:
     return tuple(map(parse_action, steps))
 
 
@@ -92,7 +94,7 @@ FETCHED = ("NAVIGATE_TO(cupboard)", "OPEN(cupboard)", "GRASP(jug)", "CLOSE(cupbo
 # --- validation ---------------------------------------------------------------------------------------------------
 
 
-def test_a_plan_of_ones_own_actions_is_valid_and_does_what_they_declare():
+def test_a_plan_of_ones_own_actions_is_valid_and_does_what_they_declare() -> None:
     graph = lab()
     verdict = validate(graph, plan(*FETCHED, "POUR(jug, cup)"), "filled(cup), not filled(jug)")
     assert verdict.valid
@@ -109,11 +111,11 @@ def test_a_plan_of_ones_own_actions_is_valid_and_does_what_they_declare():
         ("WIPE(bench)", {}, "not_near(bench)"),
     ],
 )
-def test_needs_are_checked_in_their_order(step, flags, found):
+def test_needs_are_checked_in_their_order(step: str, flags: dict[str, list[str]], found: str) -> None:
     assert str(first_violation(lab(**flags), parse_action(step))) == found
 
 
-def test_a_missing_state_and_a_function_say_what_is_missing():
+def test_a_missing_state_and_a_function_say_what_is_missing() -> None:
     dry = validate(lab(jug=[]), plan(*FETCHED, "POUR(jug, cup)"), "filled(cup)").violation
     assert dry is not None
     assert (dry.kind, dry.subject, dry.blocker, dry.step) == (ViolationKind("precondition"), "jug", "filled(jug)", 5)
@@ -125,8 +127,8 @@ def test_a_missing_state_and_a_function_say_what_is_missing():
     assert all_of[-1].kind is ViolationKind.NO_INTERIOR
 
 
-def test_an_effect_may_be_a_function():
-    def tip_out(graph, x):
+def test_an_effect_may_be_a_function() -> None:
+    def tip_out(graph: SceneGraph, x: str) -> SceneGraph:
         for item in graph.contents.get(x, ()):
             graph = graph.place(item, graph.supports[x])
         return graph
@@ -144,27 +146,27 @@ def test_an_effect_may_be_a_function():
 # --- repair -------------------------------------------------------------------------------------------------------
 
 
-def test_what_an_action_needs_is_brought_about():
+def test_what_an_action_needs_is_brought_about() -> None:
     found = repair(lab(), plan("POUR(jug, cup)"), "filled(cup)")
     assert found.verdict.valid
     assert found.edits[0].rule == "bring_about_needs"
     assert {"POUR(jug, cup)", "CLOSE(cupboard)"} <= set(map(str, found.plan))
 
 
-def test_regression_goes_over_the_effects_of_other_actions():
+def test_regression_goes_over_the_effects_of_other_actions() -> None:
     found = repair(lab(jug=[]), plan("POUR(jug, cup)"), "filled(cup)")
     assert found.verdict.valid
     steps = [str(step) for step in found.plan]
     assert steps.index("FILL(jug, tap)") < steps.index("POUR(jug, cup)")
 
 
-def test_an_unmet_goal_is_reached_from_nothing():
+def test_an_unmet_goal_is_reached_from_nothing() -> None:
     found = repair(lab(jug=[]), (), "filled(cup)")
     assert found.verdict.valid
     assert found.edits[0].rule == "act_for"
 
 
-def test_a_hint_says_how_a_function_is_brought_about():
+def test_a_hint_says_how_a_function_is_brought_about() -> None:
     found = repair(lab(), plan("NAVIGATE_TO(bench)", "WIPE(bench)"), "not dirty(bench)")
     assert found.verdict.valid
     assert "GRASP(rag)" in map(str, found.plan)
@@ -175,14 +177,14 @@ def test_a_hint_says_how_a_function_is_brought_about():
     assert both.verdict.valid
 
 
-def test_what_nothing_brings_about_is_dropped_or_left():
+def test_what_nothing_brings_about_is_dropped_or_left() -> None:
     with registered(OwnAction("SWIRL", needs=("rinsed(x)",), effects=("filled(x)",))):
         found = repair(lab(), plan("SWIRL(cup)"), "in_room(cup, lab)")
         assert found.verdict.valid
         assert found.plan == ()
 
 
-def test_the_gate_serves_them_too():
+def test_the_gate_serves_them_too() -> None:
     found = gavel_agents.verify(graph=LAB, goal="filled(cup)", plan="\n".join([*FETCHED, "POUR(jug, cup)"]))
     assert found.valid
     found = gavel_agents.verify(graph=LAB, goal="filled(cup)", plan="\n".join([*FETCHED, "POUR(jug)"]))
@@ -198,19 +200,19 @@ def test_the_gate_serves_them_too():
     ["POUR(jug, cup)", "pour jug, cup", "Pour the jug into the cup", "1. TIP jug into cup", '[["POUR", "jug", "cup"]]',
      '[{"action": "POUR", "args": ["jug", "cup"]}]', "Pour(x=jug, y=cup)", '["POUR(jug, cup)"]'],
 )  # fmt: skip
-def test_they_are_read_in_every_form(text):
+def test_they_are_read_in_every_form(text: str) -> None:
     assert [str(a) for a in parse_plans(text).plan] == ["POUR(jug, cup)"]
     assert [a.arguments for a in parse_plans(text).plan] == [("jug", "cup")]
 
 
-def test_what_is_written_is_read():
+def test_what_is_written_is_read() -> None:
     step = parse_action("POUR(jug, cup)")
     assert parse_action(str(step)) == parse_action(step.words) == step == Action(Primitive["POUR"], "jug", ("cup",))
     with pytest.raises(MalformedAction, match=r"has 1 arguments; write POUR\(x, y\)"):
         parse_action("POUR(jug)")
 
 
-def test_planners_are_told_of_them_and_grammars_allow_them():
+def test_planners_are_told_of_them_and_grammars_allow_them() -> None:
     assert system_prompt().count("POUR x, y: pour what is in x into y. Needs: holding(x), filled(x)") == 1
     assert "WIPE x: makes not dirty(x). Needs: near(x), rag in hand." in system_prompt()
     assert '"POUR " name ", " name' in plan_gbnf()
@@ -222,7 +224,7 @@ def test_planners_are_told_of_them_and_grammars_allow_them():
     assert "POUR needs holding(x), filled(x), near(y), interior(y)." in told.text()
 
 
-def test_graphs_with_ones_own_states_go_to_and_fro():
+def test_graphs_with_ones_own_states_go_to_and_fro() -> None:
     graph = lab()
     assert SceneGraph.from_json(graph.to_json()) == graph
     assert graph.to_networkx().nodes["jug"]["flags"] == ("filled",)
@@ -231,7 +233,7 @@ def test_graphs_with_ones_own_states_go_to_and_fro():
 # --- PDDL ---------------------------------------------------------------------------------------------------------
 
 
-def test_the_lifted_domain_has_them_when_pddl_can_say_them():
+def test_the_lifted_domain_has_them_when_pddl_can_say_them() -> None:
     with pytest.raises(NotExpressible, match="WIPE: 'rag in hand' is a function"):
         _ = planning_task(lab(), "filled(cup)").domain
     unregister_action("WIPE")
@@ -247,7 +249,7 @@ def test_the_lifted_domain_has_them_when_pddl_can_say_them():
 @pytest.mark.parametrize(
     ("flags", "goal"), [({}, "filled(cup)"), ({"jug": [], "bench": ["dirty"]}, "filled(cup), not dirty(bench)")]
 )
-def test_another_planner_solves_the_lifted_task(flags, goal):
+def test_another_planner_solves_the_lifted_task(flags: dict[str, list[str]], goal: str) -> None:
     """Fast Downward reads the domain with the added actions, and its plans are valid here."""
     shortcuts = pytest.importorskip("unified_planning.shortcuts")
     reader = pytest.importorskip("unified_planning.io").PDDLReader()
@@ -263,7 +265,7 @@ def test_another_planner_solves_the_lifted_task(flags, goal):
         assert validate(lab(**flags), steps, goal).valid
 
 
-def test_the_grounded_export_steps_as_the_model_does():
+def test_the_grounded_export_steps_as_the_model_does() -> None:
     """Every grounded step of one's own is applicable, and changes the state's facts, as in the world model."""
     unregister_action("WIPE")
     graph = lab()
@@ -284,7 +286,7 @@ def test_the_grounded_export_steps_as_the_model_does():
 # --- registering --------------------------------------------------------------------------------------------------
 
 
-def test_the_nine_stay_as_they_are():
+def test_the_nine_stay_as_they_are() -> None:
     assert len(list(Primitive)) == 9
     assert set(RULES) == set(Primitive)
     assert len(list(ViolationKind)) == 17
@@ -313,12 +315,12 @@ def test_the_nine_stay_as_they_are():
         (OwnAction("POUR"), "'POUR' is taken by POUR"),
     ],
 )
-def test_what_cannot_be_registered_is_said(action, message):
+def test_what_cannot_be_registered_is_said(action: OwnAction, message: str) -> None:
     with pytest.raises(BadOwnAction, match=message):
         register_action(action)
 
 
-def test_states_are_made_once_and_relations_are_none():
+def test_states_are_made_once_and_relations_are_none() -> None:
     assert own_state("filled") is own_state("filled") is Flag["FILLED"]
     assert own_state("dirty") is Flag.DIRTY
     assert parse_literal("filled(cup)").predicate.flag is Flag["FILLED"]
@@ -333,11 +335,11 @@ def test_states_are_made_once_and_relations_are_none():
 # --- as fast as before --------------------------------------------------------------------------------------------
 
 
-def test_a_step_of_the_nine_runs_no_more_functions_with_actions_of_ones_own_than_without():
+def test_a_step_of_the_nine_runs_no_more_functions_with_actions_of_ones_own_than_without() -> None:
     graph, steps = lab(), plan(*FETCHED)
     goal = parse_goal("in_room(jug, lab)")
 
-    def judge():
+    def judge() -> None:
         validate(graph, steps, goal)
 
     judge()
@@ -347,6 +349,6 @@ def test_a_step_of_the_nine_runs_no_more_functions_with_actions_of_ones_own_than
     assert calls_of(judge) == with_own
 
 
-def test_the_json_of_a_verdict_names_them():
+def test_the_json_of_a_verdict_names_them() -> None:
     found = gavel_agents.verify(graph=LAB, goal="filled(cup)", plan="POUR(jug, cup)")
     assert "POUR(jug, cup)" in json.dumps(found.as_dict())

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,7 +14,7 @@ from gavel_env.world_model.ontology import default_ontology
 SHIPPED = default_ontology()
 
 
-def test_a_category_inherits_and_differs():
+def test_a_category_inherits_and_differs() -> None:
     own = SHIPPED.extend(
         {
             "vial": {"like": "bottle", "words": ["sample glass"]},
@@ -32,7 +34,7 @@ def test_a_category_inherits_and_differs():
     assert own["vial"].source == f"user, like {own.kinds('any_bottle')[0].name}"
 
 
-def test_words_name_it_and_the_shipped_ones_stay_as_they_are():
+def test_words_name_it_and_the_shipped_ones_stay_as_they_are() -> None:
     own = SHIPPED.extend({"vial": {"like": "bottle", "words": ["sample glass"]}})
     assert own.concepts.meaning("sample glasses").thing == "vial"
     assert own.concepts.meaning("vial").thing == "vial"
@@ -41,14 +43,14 @@ def test_words_name_it_and_the_shipped_ones_stay_as_they_are():
     assert all(own[name] == SHIPPED[name] for name in SHIPPED)
 
 
-def test_like_takes_a_category_a_concept_or_a_word():
+def test_like_takes_a_category_a_concept_or_a_word() -> None:
     for like in ("mug", "any_mug") if SHIPPED.knows("any_mug") else ("mug",):
         assert SHIPPED.extend({"lab_mug": {"like": like}})["lab_mug"].graspable
     assert SHIPPED.extend({"case": {"like": "backpack"}})["case"].interior
 
 
 @pytest.mark.parametrize("ending", ["toml", "json"])
-def test_a_file_says_the_same_as_a_table(tmp_path, ending):
+def test_a_file_says_the_same_as_a_table(tmp_path: Path, ending: str) -> None:
     path = tmp_path / f"lab.{ending}"
     table = {"vial": {"like": "bottle", "words": ["sample glass"]}, "rack": {"surface": True}}
     toml = '[categories.vial]\nlike = "bottle"\nwords = ["sample glass"]\n[categories.rack]\nsurface = true\n'
@@ -71,12 +73,12 @@ def test_a_file_says_the_same_as_a_table(tmp_path, ending):
         ({"vial": {"size_m": [1]}}, "length 3"),
     ],
 )
-def test_a_wrong_table_is_said_with_its_place(table, message):
+def test_a_wrong_table_is_said_with_its_place(table: dict[str, Any], message: str) -> None:
     with pytest.raises(CategoryError, match=message):
         SHIPPED.extend(table)
 
 
-def test_a_wrong_file_is_a_typed_error(tmp_path):
+def test_a_wrong_file_is_a_typed_error(tmp_path: Path) -> None:
     for name, content in (("a.toml", b"[cat"), ("b.toml", b"\xff"), ("c.json", b"{"), ("d.toml", b"[other]\n")):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(CategoryError, match=name[0]):

@@ -166,7 +166,7 @@ def test_omnigibson_profile_needs_an_empty_hand_at_doors() -> None:
 def test_names_that_pddl_cannot_write_are_refused() -> None:
     graph = kitchen()
     room = graph.world.rooms["kitchen_0"]
-    bad = graph.world.rooms | {"Große Küche": room}
+    bad = {**graph.world.rooms, "Große Küche": room}
 
     broken = msgspec.structs.replace(graph, world=msgspec.structs.replace(graph.world, rooms=bad))
     with pytest.raises(PddlNameError, match="Große Küche"):

@@ -113,8 +113,9 @@ def _carried(graph: SceneGraph, target: str | None) -> bool:
 # --- goals ---------------------------------------------------------------------------------------------------------
 
 
-def holds(task: PlanningTask, expression: Expression, variables: Mapping[str, str] | None = None) -> bool:
+def holds(task: PlanningTask, expression: str | Expression, variables: Mapping[str, str] | None = None) -> bool:
     """Return whether a condition holds in a task's initial state."""
+    assert not isinstance(expression, str)
     head, *rest = expression
     bound = dict(variables or {})
     if head == "exists":

@@ -2,31 +2,33 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from support.defects import corrupt
 from support.errands import draw_errand
 from support.worlds import kitchen
 
-from gavel_env.world_model.actions import parse_action
+from gavel_env.world_model.actions import Action, parse_action
 from gavel_env.world_model.dynamics import Profile, ViolationKind, rollout, unsafe
-from gavel_env.world_model.goals import parse_goal, unmet
+from gavel_env.world_model.goals import Goal, parse_goal, unmet
 from gavel_env.world_model.graph import Flag
-from gavel_env.world_model.verdict import Rank, validate
+from gavel_env.world_model.verdict import Rank, Verdict, validate
 
 GOAL = parse_goal(["on_top(steak, breakfast_table)"])
 GOOD = "NAVIGATE_TO(fridge_0) OPEN(fridge_0) GRASP(steak_0) CLOSE(fridge_0) NAVIGATE_TO(breakfast_table_0) PLACE_ON_TOP(breakfast_table_0)"  # noqa: E501
 
 
-def plan(text):
+def plan(text: str) -> tuple[Action, ...]:
     return tuple(map(parse_action, text.split()))
 
 
-def judge(text, goal=GOAL, **options):
+def judge(text: str, goal: Goal = GOAL, **options: Any) -> Verdict:
     return validate(kitchen(near=()), plan(text), goal, **options)
 
 
-def test_a_good_plan_is_valid():
+def test_a_good_plan_is_valid() -> None:
     verdict = judge(GOOD)
     assert verdict.valid
     assert verdict.app
@@ -36,7 +38,7 @@ def test_a_good_plan_is_valid():
     assert verdict.cost == 2.0
 
 
-def test_the_first_violation_says_kind_step_subject_and_blocker():
+def test_the_first_violation_says_kind_step_subject_and_blocker() -> None:
     verdict = judge("NAVIGATE_TO(fridge_0) GRASP(steak_0) GRASP(bowl_0)")
     assert verdict.violation == (ViolationKind.CLOSED, "steak_0", "fridge_0", 1)
     assert not verdict.app
@@ -45,14 +47,14 @@ def test_the_first_violation_says_kind_step_subject_and_blocker():
     assert verdict.end is verdict.trace[1]
 
 
-def test_an_unmet_goal_is_listed():
+def test_an_unmet_goal_is_listed() -> None:
     verdict = judge("NAVIGATE_TO(fridge_0)")
     assert verdict.app
     assert [str(lit) for lit in verdict.unmet] == ["on_top(steak, breakfast_table)"]
     assert not verdict.valid
 
 
-def test_what_is_left_open_is_listed():
+def test_what_is_left_open_is_listed() -> None:
     verdict = judge(GOOD.replace("CLOSE(fridge_0) ", ""))
     assert verdict.app
     assert verdict.unmet == ()
@@ -61,7 +63,7 @@ def test_what_is_left_open_is_listed():
     assert not verdict.valid
 
 
-def test_unknown_names_come_with_the_nearest():
+def test_unknown_names_come_with_the_nearest() -> None:
     verdict = judge("NAVIGATE_TO(frige_0)")
     assert verdict.violation is not None
     assert verdict.violation.kind is ViolationKind.UNKNOWN_OBJECT
@@ -69,19 +71,19 @@ def test_unknown_names_come_with_the_nearest():
     assert judge("GRASP(steak_0)").nearest == ()
 
 
-def test_the_profile_decides_whether_doors_need_an_empty_hand():
+def test_the_profile_decides_whether_doors_need_an_empty_hand() -> None:
     assert judge(GOOD, profile=Profile.PAPER).valid
     verdict = judge(GOOD, profile=Profile.OMNIGIBSON)
     assert verdict.violation == (ViolationKind.HAND_FULL, "fridge_0", "steak_0", 3)
 
 
-def test_the_cost_is_what_the_cost_function_says():
+def test_the_cost_is_what_the_cost_function_says() -> None:
     verdict = judge(GOOD, cost=lambda graph, steps: 10.0 * len(steps))
     assert verdict.cost == 60.0
     assert verdict.rank.negative_cost == -60.0
 
 
-def test_rank_orders_by_applicability_then_goal_then_safety_then_cost():
+def test_rank_orders_by_applicability_then_goal_then_safety_then_cost() -> None:
     ranks = [
         judge("GRASP(steak_0)").rank,
         judge("").rank,
@@ -95,7 +97,7 @@ def test_rank_orders_by_applicability_then_goal_then_safety_then_cost():
 
 
 @pytest.mark.parametrize("profile", list(Profile))
-def test_validation_agrees_with_the_world_model_and_reuses_traces(profile):
+def test_validation_agrees_with_the_world_model_and_reuses_traces(profile: Profile) -> None:
     rng = np.random.default_rng(3)
     for _ in range(40):
         errand = draw_errand(rng)
@@ -110,7 +112,7 @@ def test_validation_agrees_with_the_world_model_and_reuses_traces(profile):
         assert again == fresh
 
 
-def test_references_of_drawn_errands_are_valid():
+def test_references_of_drawn_errands_are_valid() -> None:
     rng = np.random.default_rng(4)
     for _ in range(60):
         errand = draw_errand(rng)
