@@ -153,7 +153,7 @@ def evaluate(
         instructions: `single`, `multi`, `behavior`, paths of instruction files, an `InstructionSet`, or instructions.
         planner: spec or specs of language models, for agents that ask one: `openai:MODEL@URL`, `reference:single`, …;
             default for a shipped file: its recording of a real model, or the reference plans.
-        understanding: `reference`, `rules`, `adapter` or `llm`.
+        understanding: `reference`, `rules`, `adapter:FOLDER` or `llm`.
         prior: location prior, `choice`, `rsn` or `uniform`.
         cost: what methods that order go by, `paper`, `carried` or `simulated`, or several; default each method's own.
         seeds: one episode per seed.

@@ -104,8 +104,8 @@ def make(
 
     Args:
         name: one of `agent_names()`, or `gavel` for `gavel-full`.
-        understanding: an `Understanding` or its name: `rules`, `reference` (what the shipped records say), `adapter`,
-            `llm` (the planner's model).
+        understanding: an `Understanding` or its name: `rules`, `reference` (what the shipped records say),
+            `adapter:FOLDER`, `llm` (the planner's model).
         planner: a `ChatModel` or its spec, such as `openai:MODEL@URL` or `replay:single`; default a classical planner
             in the model's place. Methods that ask none need none.
         prior: where objects of a category usually are: a `Prior` or its name, `choice`, `rsn` or `uniform`.

@@ -26,7 +26,7 @@ def register(subparsers: Any) -> None:
         "--sample", type=_positive, metavar="N", help="only N instructions, drawn by the hash of their ids"
     )
     parser.add_argument(
-        "--understanding", default="reference", metavar="NAME", help="reference (default), rules, adapter or llm"
+        "--understanding", default="reference", metavar="NAME", help="reference (default), rules, adapter:FOLDER or llm"
     )
     parser.add_argument("--prior", default="choice", metavar="NAME", help="location prior (default: choice)")
     parser.add_argument("--profile", choices=("paper", "omnigibson"), default="paper", help="rules profile")

@@ -33,7 +33,7 @@ def register(subparsers: Any) -> None:
         "--understanding",
         default="rules",
         metavar="NAME",
-        help="rules (default), adapter, adapter:FOLDER, llm or reference",
+        help="rules (default), adapter:FOLDER, llm or reference",
     )
     command.add_argument("--planner", metavar="SPEC", help="the language model that llm asks")
     command.add_argument("--record", metavar="FILE.jsonl.gz", help="record its answers; an existing file is continued")

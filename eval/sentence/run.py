@@ -150,7 +150,7 @@ def run_sentence(
         place: where things are, such as `mug on desk@private_office`.
         agent: a planning method: `gavel-full`, `llm-only`, ….
         planner: spec of its planner: `classical`, `openai:MODEL@URL`, ….
-        understanding: an `Understanding` or its name, `rules`, `adapter`, `llm`.
+        understanding: an `Understanding` or its name, `rules`, `adapter:FOLDER`, `llm`.
         prior: location prior, `choice`, `rsn` or `uniform`.
         answers: to questions that are known to come, by their keys.
         ask: answers the others; without it an open question raises.

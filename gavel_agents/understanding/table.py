@@ -17,12 +17,10 @@ from gavel_agents.understanding.second_reader import TwoReaders
 from gavel_env.errors import DataError, UnknownUnderstanding, nearest_names
 from gavel_env.instructions.record import Instruction
 
-__all__ = ["SHIPPED_ADAPTER", "UNDERSTANDINGS", "UnknownUnderstanding", "load_understanding"]
+__all__ = ["UNDERSTANDINGS", "UnknownUnderstanding", "load_understanding"]
 
-UNDERSTANDINGS = ("reference", "rules", "adapter", "llm")
-"""Names; `adapter:FOLDER` is an adapter of one's own (`python -m gavel_agents.understanding.train`)."""
-
-SHIPPED_ADAPTER = Path(__file__).parent / "adapter"
+UNDERSTANDINGS = ("reference", "rules", "adapter:FOLDER", "llm")
+"""Names; the folder is of an adapter that was trained with `python -m gavel_agents.understanding.train`."""
 
 _MOST_TOKENS = 500  # of an answer; five tasks take about 250
 
@@ -33,7 +31,7 @@ def load_understanding(
     """Return an understanding by name.
 
     Args:
-        name: one of `UNDERSTANDINGS`, or `adapter:FOLDER`.
+        name: one of `UNDERSTANDINGS`.
         instructions: of the run; only the reference looks into them.
         model: the chat model that `llm` asks.
 
@@ -48,8 +46,8 @@ def load_understanding(
         return ReferenceUnderstanding(instructions)
     if name == "rules":
         return TwoReaders(load_reader())
-    if kind == "adapter":
-        return _adapter(name, Path(folder) if folder else SHIPPED_ADAPTER)
+    if kind == "adapter" and folder:
+        return _adapter(name, Path(folder))
     if name == "llm":
         if model is None:
             raise UnknownUnderstanding("understanding 'llm' asks the planner's model, and there is none: add --planner")

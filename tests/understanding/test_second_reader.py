@@ -11,16 +11,22 @@ import pytest
 from support.people import house
 
 from eval.studies.understanding import evaluate
-from gavel_agents.understanding import Decomposition, load_understanding
+from gavel_agents.understanding import Decomposition, TaskUnderstanding, load_understanding
+from gavel_agents.understanding.asking import question_of, with_answers
+from gavel_agents.understanding.interface import Abstention
 from gavel_agents.understanding.learned.decode import Decision, Meant
+from gavel_agents.understanding.learned.encoder import input_of
 from gavel_agents.understanding.learned.network import scores
+from gavel_agents.understanding.learned.options import groups
+from gavel_agents.understanding.learned.pieces import Pieces
 from gavel_agents.understanding.learned.reader import Reading, load_reader
 from gavel_agents.understanding.learned.spotted import pair_features, spotted
+from gavel_agents.understanding.learned.weights import load, save
 from gavel_agents.understanding.pairs import read_samples
-from gavel_agents.understanding.second_reader import asks_second, combined, taken
+from gavel_agents.understanding.second_reader import TwoReaders, alike, combined, taken
 from gavel_env.errors import DataError
 from gavel_env.world_model.concepts import default_concepts
-from gavel_env.world_model.goals import parse_literal
+from gavel_env.world_model.goals import Goal, parse_literal
 
 HOUSE = Counter({"kitchen": 1, "bedroom": 2, "living_room": 1})
 TEXT = "The mug from the bedroom, put it in the kitchen sink, and the TV off."
@@ -29,21 +35,61 @@ DATA = Path(__file__).parent / "data" / "learned_scores.json"
 
 def test_numpy_computes_what_torch_computed() -> None:
     stored = json.loads(DATA.read_text(encoding="utf-8"))
-    reader = load_reader()
-    assert len(stored) == len(reader.networks)
-    every = scores(spotted(TEXT, HOUSE), reader.networks, reader.words, reader.values)
-    for said, expected in zip(every, stored, strict=True):
-        np.testing.assert_allclose(said.pairs, np.array(expected["pairs"]), atol=2e-3)
-        for name, values in expected["mentions"].items():
-            np.testing.assert_allclose(said.mentions[name], np.array(values), atol=2e-3)
+    said = scores(spotted(TEXT, HOUSE), load_reader().network)
+    np.testing.assert_allclose(said.pairs, np.array(stored["pairs"]), atol=0.25)  # of up to 20, in eight bits
+    np.testing.assert_allclose(said.whole, stored["whole"], atol=0.25)
+    for name, values in stored["mentions"].items():
+        np.testing.assert_allclose(said.mentions[name], np.array(values), atol=0.25)
 
 
 def test_a_thing_is_read_by_what_its_kind_can_do_and_not_by_its_name() -> None:
-    mug, cup = (spotted(f"Put the {word} in the sink.", HOUSE) for word in ("scarf", "cardigan"))
-    assert [m.name for m in mug.mentions] == ["scarf", "furniture_sink"]
-    assert mug.words == cup.words
-    np.testing.assert_array_equal(mug.features, cup.features)
-    np.testing.assert_array_equal(pair_features(mug), pair_features(cup))
+    scarf, cardigan = (spotted(f"Put the {word} in the sink.", HOUSE) for word in ("scarf", "cardigan"))
+    assert [m.name for m in scarf.mentions] == ["scarf", "furniture_sink"]
+    network = load_reader().network
+    one, two = (input_of(read, network.pieces, network.values) for read in (scarf, cardigan))
+    np.testing.assert_array_equal(one.pieces, two.pieces)
+    np.testing.assert_array_equal(one.features, two.features)
+    np.testing.assert_array_equal(pair_features(scarf), pair_features(cardigan))
+
+
+def test_words_come_apart_into_pieces_by_the_longest_match() -> None:
+    pieces = Pieces({"[UNK]": 1, "dish": 2, "##wash": 3, "##washer": 4, "dis": 5, "!": 6})
+    assert pieces.of("Dishwasher!") == (2, 4, 6)
+    assert pieces.of("zebra") == pieces.of("") == (1,)
+    assert len(pieces.of("dish " * 50)) == 6
+
+
+def test_a_text_that_is_too_long_is_not_read() -> None:
+    with pytest.raises(Abstention, match="word pieces"):
+        load_reader().read("Put the mug on the bed. " * 100, HOUSE)
+
+
+def test_weights_survive_being_written(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    tensors = {
+        "word": rng.normal(size=(300, 64)).astype(np.float32), "first.bias": rng.normal(size=9).astype(np.float32),
+        "layer.0.up": rng.normal(size=(64, 256)).astype(np.float32),
+    }  # fmt: skip
+    save(tmp_path / "w.safetensors", tensors, Pieces({"[PAD]": 0, "mug": 1}), {"and": 1})
+    network = load(tmp_path / "w.safetensors")
+    assert network.pieces.vocabulary == {"[PAD]": 0, "mug": 1}
+    assert network.values == {"and": 1}
+    words = network.shared["word"] * network.shared["word.scale"][:, None]
+    for was, now in ((tensors["word"], words), (tensors["layer.0.up"], network.layers[0]["up"])):
+        assert np.abs(was - now).max() <= np.abs(was).max() / 127
+    np.testing.assert_allclose(network.shared["first.bias"], tensors["first.bias"], atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "things"),
+    [
+        ("The coffee cup is dirty. Put the cup in the sink.", [("coffee_cup", 2)]),
+        ("Mayonnaise on the table, I mean the bottle.", [("any_mayonnaise", 2)]),
+        ("Put the mug and the bowl on the bed.", [("mug", 1), ("bowl", 1)]),
+    ],
+)
+def test_a_wider_word_speaks_of_the_one_thing_that_it_may_mean(text: str, things: list[tuple[str, int]]) -> None:
+    assert [(g.name, len(g.mentions)) for g in groups(spotted(text, HOUSE))] == things
 
 
 def test_the_same_text_is_read_the_same() -> None:
@@ -56,11 +102,14 @@ def _reading(text: str, *goals: str, sure: float) -> Reading:
     return Reading(spotted(text, HOUSE), Meant(literals, (), (Decision(0, (), sure),)))
 
 
-def test_what_leaves_a_thing_out_is_not_taken() -> None:
+def test_a_thing_for_which_nothing_is_asked_is_said_to_be_passed_over() -> None:
     text = "Put the mug and the bowl on the bed."
-    assert taken(text, _reading(text, "on_top(mug, bed)", sure=1.0)) is None
+    got = taken(text, _reading(text, "on_top(mug, bed)", sure=1.0))
+    assert got is not None
+    assert got.passed_over == ("bowl",)
     got = taken(text, _reading(text, "on_top(mug, bed)", "on_top(bowl, bed)", sure=1.0))
     assert got is not None
+    assert not got.passed_over
     assert [t.goal.text() for t in got.tasks] == [("on_top(mug, bed)", "on_top(bowl, bed)")]
 
 
@@ -69,17 +118,73 @@ def test_what_cannot_be_is_not_taken() -> None:
     assert taken(text, _reading(text, "inside(mug, hardback)", sure=1.0)) is None
 
 
-def test_an_unsure_reading_is_not_believed() -> None:
+def _said(*goals: str) -> Decomposition:
+    return Decomposition((TaskUnderstanding("", (), (), Goal(tuple(map(parse_literal, goals)))),))
+
+
+def test_an_unsure_reading_becomes_a_question() -> None:
     text = "Put the mug on the bed."
     refused = Decomposition((), "unparsed: hm")
-    assert combined(text, refused, _reading(text, "on_top(mug, bed)", sure=0.1)) == refused
+    got = combined(text, refused, _reading(text, "on_top(mug, bed)", sure=0.1))
+    assert got.refused.startswith("unsure")
+    assert got.question is not None
     assert combined(text, refused, _reading(text, "on_top(mug, bed)", sure=0.999)).tasks
 
 
-@pytest.mark.parametrize("reason", ["contradiction: c", "cannot_hold: c", "foreign: German", "unknown_word: 'zorp'"])
-def test_only_refusals_for_want_of_structure_are_read_again(reason: str) -> None:
-    assert not asks_second(Decomposition((), reason))
-    assert asks_second(Decomposition((), "unparsed: hm"))
+def test_readers_that_differ_are_believed_only_where_the_second_is_sure() -> None:
+    text = "My cousin hollers: put the mug on the bed."
+    first = _said("on_top(mug, bed)")
+    alike = combined(text, first, _reading(text, "on_top(mug, any_bed)", sure=0.01))
+    assert [t.goal.text() for t in alike.tasks] == [("on_top(mug, any_bed)",)]
+    other = _reading(text, "washed(mug)", sure=0.999)
+    assert [t.goal.text() for t in combined(text, first, other).tasks] == [("washed(mug)",)]
+    assert combined(text, first, _reading(text, "washed(mug)", sure=0.5)).question is not None
+    text = "Put the mug on the bed."  # every word is accounted for
+    assert combined(text, first, _reading(text, "washed(mug)", sure=0.999)) is first
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "same"),
+    [
+        (("on_top(mug, bed)",), ("on_top(mug, any_bed)",), True),
+        (("on_top(mug, bed)",), ("inside(mug, bed)",), False),
+        (("on_top(mug, bed@bedroom)",), ("on_top(mug, bed)",), True),
+        (("on_top(mug, bed@bedroom)",), ("on_top(mug, bed@childs_room)",), False),
+        (("toggled(standing_tv)",), ("not toggled(standing_tv)",), False),
+        (("on_top(mug, bed)", "washed(mug)"), ("on_top(mug, bed)",), False),
+        (("washed(mug)",), ("on_top(mug, bed)", "washed(mug)"), False),
+    ],
+)
+def test_readings_are_alike_where_they_ask_for_the_same(one: tuple[str, ...], two: tuple[str, ...], same: bool) -> None:
+    assert alike(_said(*one), _said(*two)) == same
+
+
+def test_what_is_asked_is_the_least_sure_choice_and_an_answer_settles_it() -> None:
+    text = "The mug belongs on the bed or in the sink."
+    read = spotted(text, HOUSE)
+    on, inside = parse_literal("on_top(mug, any_bed)"), parse_literal("inside(mug, furniture_sink)")
+    reading = Reading(read, Meant(((0, on),), (), (Decision(0, (on,), 0.4, (inside,)), Decision(1, (), 0.9))))
+    question = question_of(reading)
+    assert question is not None
+    assert question.choices == ("put it on the bed", "put it in the furniture sink")
+    rooms = house("Beechwood_0_int").world.rooms
+    for answer, goals in (("in the sink", [inside]), ("nothing", []), ("put it on the bed", [on])):
+        settled = with_answers(reading, {question.key: answer}, rooms).meant
+        assert [literal for _, literal in settled.goals] == goals
+        assert settled.decisions[0].probability == 1.0
+    assert with_answers(reading, {question.key: "qwertz"}, rooms).meant == reading.meant
+
+
+@pytest.mark.parametrize("reason", ["empty: e", "too_long: l", "not_text: n", "foreign: German"])
+def test_what_is_no_text_of_ours_is_not_read_again(reason: str) -> None:
+    class Refuses:
+        name = "refuses"
+
+        def understand(self, text: str, **_: object) -> Decomposition:
+            return Decomposition((), reason)
+
+    both = TwoReaders(load_reader(), Refuses())  # type: ignore[arg-type]
+    assert both.understand("Put the mug on the bed.", rooms=house("Beechwood_0_int").world.rooms).refused == reason
 
 
 @pytest.mark.parametrize("text", ["", "Bitte stell die Tasse in den Schrank.", "Put the sofa in the mug.", "\x00\x01"])
@@ -110,7 +215,7 @@ def test_a_noun_of_two_categories_is_either_of_them() -> None:
 # --- floors ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("split", "exact", "wrong"), [("dev", 0.56, 0.12), ("test", 0.43, 0.17)])
+@pytest.mark.parametrize(("split", "exact", "wrong"), [("dev", 0.70, 0.12), ("test", 0.66, 0.14)])
 def test_floors_of_the_voices(split: str, exact: float, wrong: float) -> None:
     report = evaluate(load_understanding("rules"), [s for s in read_samples("voices") if s.split == split])
     assert report.goals_exact >= exact * report.instructions

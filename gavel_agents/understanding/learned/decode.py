@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gavel_agents.understanding.learned.network import Scores
-from gavel_agents.understanding.learned.options import STATES, WISHES, Group, groups, kinds_for, places_for, rooms_of
+from gavel_agents.understanding.learned.options import (
+    STATES,
+    WISHES,
+    Group,
+    groups,
+    kinds_for,
+    members,
+    piece_of,
+    places_for,
+    rooms_of,
+    wishes_for,
+)
 from gavel_agents.understanding.learned.spotted import Spotted
+from gavel_env.instructions.vocabulary import default_vocabulary
 from gavel_env.world_model.goals import Designator, Literal, Predicate
 
 __all__ = ["Decision", "Meant", "meant_by"]
@@ -45,16 +57,18 @@ class Meant(NamedTuple):
         goals: by the mention that they are about, in the order of the mentions.
         relations: stated locations, by the index of the mention of the thing.
         decisions: all that was chosen, also that nothing is asked.
+        whole: probability that no word for a thing was missed.
     """
 
     goals: tuple[tuple[int, Literal], ...]
     relations: tuple[tuple[int, Literal], ...]
     decisions: tuple[Decision, ...]
+    whole: float = 1.0
 
     @property
     def sure(self) -> float:
         """Return the probability that every choice is right, if they were independent."""
-        return float(np.prod([d.probability for d in self.decisions])) if self.decisions else 0.0
+        return self.whole * float(np.prod([d.probability for d in self.decisions])) if self.decisions else 0.0
 
 
 class _Probable(NamedTuple):
@@ -75,12 +89,15 @@ def _of_mentions(read: Spotted, scored: Scores) -> _Probable:
     rooms = np.full((count, count + 1), _NOTHING, dtype=np.float32)
     rooms[:, -1] = scored.mentions["room_none"][:, 0]
     kinds = np.full((count, 4), _NOTHING, dtype=np.float32)
+    wishes = np.full((count, len(WISHES)), _NOTHING, dtype=np.float32)
     for index, mention in enumerate(read.mentions):
+        allowed = list(wishes_for(mention))
+        wishes[index, allowed] = scored.mentions["wish"][index, allowed]
         kinds[index, : len(kinds_for(mention))] = scored.mentions["kind"][index, : len(kinds_for(mention))]
         if not mention.room and not mention.movable:
             for room in rooms_of(read):
                 rooms[index, room] = scored.pairs[4, index, room]
-    return _Probable(_softmax(rooms), _softmax(kinds), _softmax(scored.mentions["wish"]))
+    return _Probable(_softmax(rooms), _softmax(kinds), _softmax(wishes))
 
 
 def _places(read: Spotted, scored: Scores, group: Group, told: bool) -> Array:
@@ -95,23 +112,18 @@ def _places(read: Spotted, scored: Scores, group: Group, told: bool) -> Array:
     return _softmax(logits)
 
 
-def _mean(parts: Iterable[Array]) -> Array:
-    return np.asarray(np.mean(list(parts), axis=0))
-
-
-def meant_by(read: Spotted, scored: Sequence[Scores]) -> Meant:
-    """Return the likeliest reading by the mean of what several networks say."""
-    each = [_of_mentions(read, one) for one in scored]
-    shared = _Probable(*(_mean(getattr(e, name) for e in each) for name in _Probable._fields))
+def meant_by(read: Spotted, scored: Scores) -> Meant:
+    """Return the likeliest reading."""
+    shared = _of_mentions(read, scored)
     goals: list[tuple[int, Literal]] = []
     relations: list[tuple[int, Literal]] = []
     decisions: list[Decision] = []
     for group in groups(read):
         first = group.mentions[0]
-        where = _mean(_places(read, one, group, False) for one in scored)
+        where = _places(read, scored, group, False)
         own = list(group.mentions)
-        counts = _softmax(_mean(one.mentions["count"][own].mean(axis=0) for one in scored))
-        states = _mean(1 / (1 + np.exp(-one.mentions["state"][own].max(axis=0))) for one in scored)
+        counts = _softmax(scored.mentions["count"][own].mean(axis=0))
+        states = 1 / (1 + np.exp(-scored.mentions["state"][own].max(axis=0)))
         ends = _ends(read, shared, group, where)
         wanted = [state for state, p in zip(STATES, states, strict=True) if p > 0.5]
         number = int(counts.argmax()) + 1
@@ -122,22 +134,30 @@ def meant_by(read: Spotted, scored: Sequence[Scores]) -> Meant:
             probability *= float(counts[number - 1])
         probability *= float(np.prod(np.maximum(states, 1 - states)))
         literals = []
-        for subject in _each(group.name, number):
+        for subject in _each(read, group, number):
             literals += [Literal(state, subject) for state in wanted]
             literals += [end._replace(subject=subject)] if end is not None else []
         goals += [(first, literal) for literal in literals]
         decisions.append(Decision(first, tuple(literals), probability, (instead,) if instead else ()))
-        told = _ends(read, shared, group, _mean(_places(read, one, group, True) for one in scored))
+        told = _ends(read, shared, group, _places(read, scored, group, True))
         if told[0][0] is not None and told[0][1] > _TOLD:
             relations.append((first, told[0][0]))
     for wished, index, probability, second in _wished(read, shared):
         goals += [(index, literal) for literal in wished]
         decisions.append(Decision(index, wished, probability, second))
-    return Meant(tuple(dict.fromkeys(goals)), tuple(relations), tuple(decisions))
+    return Meant(
+        tuple(dict.fromkeys(goals)), tuple(relations), tuple(decisions), float(1 / (1 + np.exp(-scored.whole)))
+    )
 
 
-def _each(name: str, number: int) -> list[Designator]:
-    return [Designator(name)] if number == 1 else [Designator(f"{name}_{i}") for i in range(number)]
+def _each(read: Spotted, group: Group, number: int) -> list[Designator]:
+    """Return so many things of a group; several are of one kind, the first that their word may mean."""
+    if number == 1:
+        return [Designator(group.name)]
+    said = (read.mentions[index].exact for index in group.mentions)
+    known = (category for category in default_vocabulary().movables if category in members(group.name))
+    kind = next(filter(None, (*said, *known)), group.name)
+    return [Designator(f"{kind}_{i}") for i in range(number)]
 
 
 def _ends(read: Spotted, shared: _Probable, group: Group, where: Array) -> list[tuple[Literal | None, float]]:
@@ -163,11 +183,11 @@ def _pieces(read: Spotted, shared: _Probable, place: int) -> Mapping[Designator,
     found: dict[Designator, float] = defaultdict(float)
     mention = read.mentions[place]
     for which, kind in enumerate(kinds_for(mention)):
-        for room in (-1, *rooms_of(read)):
+        for room in (-1,) if mention.room else (-1, *rooms_of(read)):
             type_ = None if room < 0 else read.mentions[room].name
             p = float(shared.kinds[place, which] * shared.rooms[place, room])
             if p > 0.001:
-                found[Designator(read.named(mention, type_, kind), type_)] += p
+                found[piece_of(read, mention, type_, kind)] += p
     return found
 
 
@@ -175,15 +195,12 @@ _Wished = tuple[tuple[Literal, ...], int, float, tuple[Literal, ...]]
 
 
 def _wished(read: Spotted, shared: _Probable) -> list[_Wished]:
-    """Return the wish for each mention of a piece that is not a room."""
+    """Return the wish for each mention."""
     found: list[_Wished] = []
     for index, mention in enumerate(read.mentions):
-        if mention.room:
-            continue
-        wish = int(shared.wishes[index].argmax())
-        probability = float(shared.wishes[index, wish])
-        meant = WISHES[wish]
-        second = WISHES[int(shared.wishes[index].argsort()[-2])]
+        likeliest = sorted(wishes_for(mention), key=lambda wish: -shared.wishes[index, wish])
+        probability = float(shared.wishes[index, likeliest[0]])
+        meant, second = (WISHES[wish] for wish in likeliest[:2])
         pieces = _pieces(read, shared, index)
         if not pieces:
             continue

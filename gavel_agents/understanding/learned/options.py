@@ -8,9 +8,24 @@ from typing import NamedTuple
 
 from gavel_agents.understanding.learned.spotted import KINDS, Mention, Spotted
 from gavel_agents.understanding.rules.nouns import kinds_of
-from gavel_env.world_model.goals import Predicate
+from gavel_env.world_model.concepts import default_concepts
+from gavel_env.world_model.goals import Designator, Predicate
+from gavel_env.world_model.ontology import category_of
 
-__all__ = ["STATES", "WISHES", "Group", "Place", "able", "groups", "kinds_for", "places_for", "rooms_of"]
+__all__ = [
+    "STATES",
+    "WISHES",
+    "Group",
+    "Place",
+    "able",
+    "groups",
+    "kinds_for",
+    "members",
+    "piece_of",
+    "places_for",
+    "rooms_of",
+    "wishes_for",
+]
 
 STATES = (Predicate.WASHED, Predicate.DRIED, Predicate.COOKED)
 WISHES = (None, (Predicate.TOGGLED, False), (Predicate.TOGGLED, True), (Predicate.OPEN, False), (Predicate.OPEN, True))
@@ -32,12 +47,36 @@ class Place(NamedTuple):
 
 
 def groups(read: Spotted) -> list[Group]:
-    """Return the movable things that a text names, in the order first named."""
+    """Return the movable things that a text names, in the order first named.
+
+    A wider word, or one for what holds it, speaks of the one thing that it may mean: `the coffee cup ... the cup`,
+    `mayonnaise ... the bottle`.
+    """
     found: dict[str, list[int]] = {}
     for index, mention in enumerate(read.mentions):
         if mention.movable:
             found.setdefault(mention.name, []).append(index)
-    return [Group(name, tuple(mentions)) for name, mentions in found.items()]
+    for name in sorted(found, key=lambda name: -len(members(name))):
+        holder = read.mentions[found[name][0]].text.split()[-1].removesuffix("s")
+        same = [o for o in found if o != name and (members(o) & members(name) or _comes_in(o, holder))]
+        if len(same) == 1 and len(members(same[0])) < len(members(name)):
+            found[same[0]] = sorted(found[same[0]] + found.pop(name))
+    return sorted((Group(name, tuple(mentions)) for name, mentions in found.items()), key=lambda group: group.mentions)
+
+
+_HOLDERS = frozenset({"bag", "bottle", "box", "can", "carton", "jar", "tube"})
+
+
+@cache
+def _comes_in(name: str, holder: str) -> bool:
+    """Return whether a thing may be told by what holds it."""
+    return holder in _HOLDERS and any(c.startswith(f"{holder}_of_") or c.endswith(f"_{holder}") for c in members(name))
+
+
+@cache
+def members(name: str) -> frozenset[str]:
+    """Return the categories that a name may mean."""
+    return frozenset(default_concepts().categories(category_of(name)))
 
 
 @cache
@@ -50,7 +89,7 @@ def places_for(read: Spotted, group: Group) -> list[Place]:
     """Return where a thing may go, or may be said to be."""
     found = []
     for index, mention in enumerate(read.mentions):
-        if mention.name == group.name:
+        if index in group.mentions:
             continue
         if mention.room:
             found.append(Place(index, 1))
@@ -63,8 +102,20 @@ def places_for(read: Spotted, group: Group) -> list[Place]:
 
 
 def kinds_for(mention: Mention) -> tuple[str, ...]:
-    """Return the kinds that a mention may be told to be; "" is what it says by itself."""
-    return KINDS if mention.cabinet else ("",)
+    """Return the kinds that a mention may be told to be, at most four; "" is what it says by itself."""
+    return KINDS if mention.cabinet else ("", mention.wider) if mention.wider else ("",)
+
+
+def wishes_for(mention: Mention) -> tuple[int, ...]:
+    """Return the indices of the wishes that a mention may have; a room's light may be wished on or off."""
+    return (0, 1, 2) if mention.room else tuple(range(len(WISHES)))
+
+
+def piece_of(read: Spotted, mention: Mention, room: str | None, kind: str = "") -> Designator:
+    """Return what a wish about a mention is about: the piece, or the switch of a room's light."""
+    if mention.room:
+        return Designator("electric_switch", mention.name)
+    return Designator(read.named(mention, room, kind), room)
 
 
 def rooms_of(read: Spotted) -> Iterator[int]:

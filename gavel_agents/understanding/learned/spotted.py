@@ -23,7 +23,7 @@ from gavel_env.instructions.vocabulary import default_vocabulary
 from gavel_env.world_model.concepts import default_concepts
 from gavel_env.world_model.ontology import Category
 
-__all__ = ["FEATURES", "KINDS", "PAIR_FEATURES", "Mention", "Spotted", "pair_features", "spotted"]
+__all__ = ["FEATURES", "KINDS", "PAIR_FEATURES", "Mention", "Spotted", "pair_features", "spotted", "unknown_features"]
 
 KINDS = ("", "top_cabinet", "bottom_cabinet", "bottom_cabinet_no_top")
 """What a word for a cabinet may be told to mean; the first: what the word says by itself."""
@@ -40,10 +40,11 @@ class Mention(NamedTuple):
     Attributes:
         token: its place among the tokens.
         name: category, room type or concept; what it is told to be by the words around it is not in it.
-        exact: of a thing, the name that it has in a room, by room: `thing_named`.
         room: True for a room.
         movable: True for what is carried.
         cabinet: True if its kind is told by the words around it.
+        wider: what else the word may mean ("sink" any sink), or "".
+        exact: of a thing, the kind that the word means first, where it may mean several, or "".
     """
 
     token: int
@@ -52,6 +53,8 @@ class Mention(NamedTuple):
     room: bool
     movable: bool
     cabinet: bool
+    wider: str = ""
+    exact: str = ""
 
 
 class Spotted(NamedTuple):
@@ -60,7 +63,6 @@ class Spotted(NamedTuple):
     Attributes:
         tokens: of the text.
         mentions: in the order said.
-        words: words of each token.
         values: what each closed-class token does, as a string.
         features: of each token, (tokens, FEATURES).
         house: rooms by type, or None.
@@ -68,7 +70,6 @@ class Spotted(NamedTuple):
 
     tokens: tuple[Token, ...]
     mentions: tuple[Mention, ...]
-    words: tuple[tuple[str, ...], ...]
     values: tuple[str, ...]
     features: NDArray[np.float32]
     house: Counter[str] | None
@@ -92,7 +93,7 @@ def spotted(text: str, house: Counter[str] | None) -> Spotted:
     tokens = tokens_of(text)
     stream = Clauses(tokens, house, None, [])
     mentions: list[Mention] = []
-    rows, words, values = [], [], []
+    rows, values = [], []
     skipped: set[int] = set()
     told: dict[int, int] = {}
     for index, token in enumerate(tokens):
@@ -113,10 +114,9 @@ def spotted(text: str, house: Counter[str] | None) -> Spotted:
     for index, token in enumerate(tokens):
         named = by_token.get(index)
         rows.append(_features(token, named, told.get(index, 0), house, index in skipped))
-        words.append(("<thing>",) if named else tuple(token.text.split()))
         values.append("" if named else f"{token.kind.value}:{token.value}" if token.value else "")
     features = np.array(rows, dtype=np.float32).reshape(len(tokens), FEATURES)
-    return Spotted(tuple(tokens), tuple(mentions), tuple(words), tuple(values), features, house)
+    return Spotted(tuple(tokens), tuple(mentions), tuple(values), features, house)
 
 
 def _mention(index: int, token: Token, house: Counter[str] | None) -> Mention:
@@ -129,8 +129,9 @@ def _mention(index: int, token: Token, house: Counter[str] | None) -> Mention:
         name = named.thing
     else:
         name = thing_named(named, token.text, None, house, alike=True)
-    cabinet = named.name in CABINETS
-    return Mention(index, name, token.text, False, Entity(name).movable, cabinet)
+    cabinet, movable = named.name in CABINETS, Entity(name).movable
+    wider = named.name if named.exact == name != named.name and not cabinet and not movable else ""
+    return Mention(index, name, token.text, False, movable, cabinet, wider, named.exact if movable else "")
 
 
 def _features(
@@ -167,6 +168,12 @@ def _features(
     return (
         row + extra + [float(told == k) if mention is not None and mention.cabinet else 0.0 for k in range(len(KINDS))]
     )
+
+
+def unknown_features(token: Token) -> NDArray[np.float32]:
+    """Return the features that a token would have if its word named nothing known."""
+    unknown = token._replace(kind=Kind.UNKNOWN, value="")
+    return np.array(_features(unknown, None, 0, None, skipped=False), dtype=np.float32)
 
 
 _DISTANCES = (-40, -25, -16, -11, -8, -6, -5, -4, -3, -2, -1, 0, 1, 2, 3, 4, 5, 6, 8, 11, 16, 25, 40)

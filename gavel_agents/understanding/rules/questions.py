@@ -7,9 +7,13 @@ from collections.abc import Sequence
 
 from gavel_agents.understanding.interface import Abstention, Question
 from gavel_agents.understanding.rules.elements import Entity
+from gavel_agents.understanding.rules.lexer import Token
+from gavel_agents.understanding.rules.nouns import known_nouns, words_of
+from gavel_agents.understanding.rules.words import Kind
 
 __all__ = [
     "answered",
+    "asked_anything",
     "asked_end",
     "asked_instead",
     "asked_meaning",
@@ -30,6 +34,21 @@ def asked_meaning(words: str) -> Abstention:
     """Return the refusal of what could name a thing or an act and is not known."""
     asks = f"What is {words[:60]!r}? It names nothing that is known here."
     return Abstention("unknown_word", repr(words[:60]), Question(f"word:{words}", asks, words))
+
+
+def asked_anything(tokens: Sequence[Token]) -> Abstention:
+    """Return the refusal of what asks for nothing: it asks about the thing that is named, or what a pronoun means."""
+    nothing = "nothing is asked for"
+    for token in tokens:
+        named = known_nouns().get(words_of(token.text)) if token.kind is Kind.NOUN else None
+        if named is not None and Entity(named.name).movable:
+            asks = f"What should be done with the {token.text}?"
+            return Abstention("no_goal", nothing, Question(f"what:{token.text}", asks, token.text))
+    for token in tokens:
+        if token.kind is Kind.PRONOUN:
+            asks = f"What is meant by {token.text!r}?"
+            return Abstention("no_goal", nothing, Question(f"word:{token.text}", asks, token.text))
+    return Abstention("no_goal", nothing)
 
 
 def asked_where(thing: Entity) -> Abstention:
@@ -66,7 +85,8 @@ def asked_end(thing: str, places: Sequence[str], detail: str) -> Abstention:
 
 def asked_instead(kind: str, detail: str) -> Abstention:
     """Return the refusal of what cannot be or cannot be read as it stands."""
-    asks = f"{detail[:1].upper()}{detail[1:]}. What is meant?"
+    asks = f"{detail[:1].upper()}{detail[1:]}"
+    asks += "" if asks.endswith("?") else ". What is meant?"
     return Abstention(kind, detail, Question(f"instead:{kind}", asks))
 
 

@@ -14,7 +14,7 @@ from gavel_agents.understanding.rules.elements import Entity, Frame, Phrase
 from gavel_agents.understanding.rules.frames import frames_of
 from gavel_agents.understanding.rules.lexer import Token, tokens_of
 from gavel_agents.understanding.rules.nouns import kinds_of
-from gavel_agents.understanding.rules.questions import answered, asked_instead, asked_what, asked_where
+from gavel_agents.understanding.rules.questions import answered, asked_anything, asked_instead, asked_what, asked_where
 from gavel_agents.understanding.rules.sense import check_already, check_sense, one_end
 from gavel_agents.understanding.rules.signals import check_signals
 from gavel_agents.understanding.rules.tasks import Sentence, split_tasks
@@ -23,7 +23,7 @@ from gavel_agents.understanding.rules.verbs import read_frame
 from gavel_agents.understanding.rules.words import Kind
 from gavel_env.world_model.goals import Designator, Literal, Predicate
 
-__all__ = ["RulesUnderstanding"]
+__all__ = ["RulesUnderstanding", "passed_over"]
 
 
 _MOST_QUESTIONS = 20
@@ -80,7 +80,7 @@ def _read(text: str, house: Counter[str] | None, answers: Mapping[str, str]) -> 
     if not tasks:
         if discourse.homeless:
             raise asked_where(next(iter(discourse.homeless)))
-        raise Abstention("no_goal", "nothing is asked for")
+        raise asked_anything(tokens)
     _check_complete(discourse, tasks)
     tasks = one_end(tasks, answers)
     stated = [literal for task in tasks for literal in task.relations]
@@ -99,7 +99,7 @@ def _read(text: str, house: Counter[str] | None, answers: Mapping[str, str]) -> 
     notes = tuple(
         f"{text[t.start : t.end]!r}: where in a room things are is not known" for t in tokens if t.kind is Kind.SPOT
     )
-    return Decomposition(tasks, notes=notes, passed_over=tuple(_passed_over(text, tokens, asides)))
+    return Decomposition(tasks, notes=notes, passed_over=tuple(passed_over(text, tokens, asides)))
 
 
 class _Spoken(NamedTuple):
@@ -141,7 +141,7 @@ def _opened(tokens: Sequence[Token]) -> bool:
 _SAYS_NOTHING = (Kind.FILLER, Kind.UNKNOWN, Kind.SUBJECT, Kind.ASIDE)
 
 
-def _passed_over(text: str, tokens: Sequence[Token], asides: Sequence[Frame]) -> Iterator[str]:
+def passed_over(text: str, tokens: Sequence[Token], asides: Sequence[Frame] = ()) -> Iterator[str]:
     """Yield the phrases that say nothing about what shall be: unknown words, remarks, what shall not be done."""
     spans = [(frame.start, frame.end) for frame in asides if frame.start >= 0]
     start, unknown = -1, False
