@@ -355,7 +355,7 @@ def _repair(words: Sequence[str], at: int, name: bool) -> tuple[list[str], bool]
         return list(split), False
     for plural in plurals(word.removesuffix("s")) if word.endswith("s") and len(word) > _LEAST else ():
         if plural in _phrases():
-            return [plural], False  # knifes, strawberrys
+            return [plural], False  # strawberrys
     shorter = re.sub(r"(.)\1{2,}", r"\1\1", word)
     single = re.sub(r"(.)\1+", r"\1", shorter)
     for candidate in (shorter, single) if shorter != word or not is_english(word) else ():
