@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from contextlib import closing
 from typing import Any
 
 from eval.commands._runs import seconds, seeds
@@ -60,30 +61,30 @@ def _run(arguments: argparse.Namespace) -> int:
     chosen = sample(instructions, arguments.sample)
     agents = arguments.agents.split(",")
     model = recorder(arguments.planner, arguments.out, arguments.threads, arguments.timeout)
-    if model.set_aside is not None:
-        print(f"{arguments.out} was not whole: it is now {model.set_aside}, and what could be read is kept")
-    begun = time.monotonic()
-    total = len(agents) * len(chosen) * len(arguments.seeds)
-    for number, asked in enumerate(
-        record(
-            model,
-            agents,
-            {name: instructions[name] for name in chosen},
-            understanding=load_understanding(arguments.understanding, instructions.values(), model),
-            prior=arguments.prior,
-            profile=Profile(arguments.profile),
-            threads=arguments.threads,
-            seeds=arguments.seeds,
-        ),
-        start=1,
-    ):
-        minutes = (time.monotonic() - begun) / 60.0
-        verdict = "valid" if set(asked.verdicts) == {"valid"} else "; ".join(v for v in asked.verdicts if v != "valid")
-        print(
-            f"[{number}/{total}, {minutes:.1f} min] {asked.agent} {asked.instruction_id}: "
-            f"{asked.attempts} attempts, {verdict}",
-            flush=True,
-        )
-    model.close()
+    with closing(model):
+        if model.set_aside is not None:
+            print(f"{arguments.out} was not whole: it is now {model.set_aside}, and what could be read is kept")
+        begun = time.monotonic()
+        total = len(agents) * len(chosen) * len(arguments.seeds)
+        for number, asked in enumerate(
+            record(
+                model,
+                agents,
+                {name: instructions[name] for name in chosen},
+                understanding=load_understanding(arguments.understanding, instructions.values(), model),
+                prior=arguments.prior,
+                profile=Profile(arguments.profile),
+                threads=arguments.threads,
+                seeds=arguments.seeds,
+            ),
+            start=1,
+        ):
+            minutes = (time.monotonic() - begun) / 60.0
+            verdict = "; ".join(v for v in asked.verdicts if v != "valid") or "valid"
+            print(
+                f"[{number}/{total}, {minutes:.1f} min] {asked.agent} {asked.instruction_id}: "
+                f"{asked.attempts} attempts, {verdict}",
+                flush=True,
+            )
     print(f"{compact(arguments.out)} completions in {arguments.out}")
     return 0
