@@ -15,6 +15,7 @@ from gavel_agents.understanding.interface import Abstention, Decomposition, Room
 from gavel_agents.understanding.learned.options import able, members
 from gavel_agents.understanding.learned.reader import LearnedReader, Reading
 from gavel_agents.understanding.rules import RulesUnderstanding
+from gavel_agents.understanding.rules.lexer import tokens_of
 from gavel_agents.understanding.rules.reading import passed_over
 from gavel_agents.understanding.rules.sense import check_sense
 from gavel_agents.understanding.rules.text import readable
@@ -22,7 +23,7 @@ from gavel_agents.understanding.rules.words import Kind
 from gavel_env.world_model.goals import Goal, Literal, Predicate
 from gavel_env.world_model.ontology import category_of
 
-__all__ = ["Sure", "TwoReaders", "alike", "combined", "taken"]
+__all__ = ["Sure", "TwoReaders", "alike", "combined", "stands", "taken"]
 
 _FINAL = frozenset({"empty", "too_long", "not_text", "foreign"})
 """Reasons of the rules that speak of the text as a whole: nothing else reads it."""
@@ -65,7 +66,7 @@ class TwoReaders:
     ) -> Decomposition:
         """Return the tasks of an instruction's text; without the rooms of a house the rules read alone."""
         first = self.rules.understand(text, rooms=rooms, answers=answers)
-        if rooms is None or first.refused.partition(":")[0] in _FINAL:
+        if rooms is None or first.refused.partition(":")[0] in _FINAL or stands(first, text):
             return first
         try:
             reading = self.second.read(readable(text), Counter(room.type for room in rooms.values()))
@@ -74,19 +75,21 @@ class TwoReaders:
         return combined(text, first, with_answers(reading, answers or {}, rooms))
 
 
-def combined(text: str, first: Decomposition, reading: Reading, sure: Sure = SURE) -> Decomposition:
-    """Return what the rules and a second reading come to.
+def stands(first: Decomposition, text: str) -> bool:
+    """Return whether the rules made something of every word: a reading, or that it cannot be."""
+    if not first.tasks and first.refused.partition(":")[0] not in _IMPOSSIBLE:
+        return False
+    return all(token.kind not in _SAYS_MORE for token in tokens_of(readable(text)))
 
-    Where the rules made something of every word, it stands, also that it cannot be.
-    """
+
+def combined(text: str, first: Decomposition, reading: Reading, sure: Sure = SURE) -> Decomposition:
+    """Return what the rules and a second reading come to, where theirs does not stand."""
     second = taken(text, reading)
-    reason = first.refused.partition(":")[0]
-    used = all(token.kind not in _SAYS_MORE for token in reading.read.tokens)
-    if second is None or (used and (first.tasks or reason in _IMPOSSIBLE)):
+    if second is None:
         return first
     if first.tasks and alike(first, second):
         return second
-    if reading.meant.sure >= (sure.alone if reason in _STRUCTURE else sure.against):
+    if reading.meant.sure >= (sure.alone if first.refused.partition(":")[0] in _STRUCTURE else sure.against):
         return second
     return asked(first, reading)
 

@@ -23,7 +23,7 @@ from gavel_agents.understanding.learned.reader import Reading, load_reader
 from gavel_agents.understanding.learned.spotted import pair_features, spotted
 from gavel_agents.understanding.learned.weights import load, save
 from gavel_agents.understanding.pairs import read_samples
-from gavel_agents.understanding.second_reader import TwoReaders, alike, combined, taken
+from gavel_agents.understanding.second_reader import TwoReaders, alike, combined, stands, taken
 from gavel_env.errors import DataError
 from gavel_env.world_model.concepts import default_concepts
 from gavel_env.world_model.goals import Goal, parse_literal
@@ -139,8 +139,9 @@ def test_readers_that_differ_are_believed_only_where_the_second_is_sure() -> Non
     other = _reading(text, "washed(mug)", sure=0.999)
     assert [t.goal.text() for t in combined(text, first, other).tasks] == [("washed(mug)",)]
     assert combined(text, first, _reading(text, "washed(mug)", sure=0.5)).question is not None
-    text = "Put the mug on the bed."  # every word is accounted for
-    assert combined(text, first, _reading(text, "washed(mug)", sure=0.999)) is first
+    assert not stands(first, text)
+    assert stands(first, "Put the mug on the bed.")  # every word is accounted for
+    assert not stands(Decomposition((), "unparsed: hm"), "Put the mug on the bed.")
 
 
 @pytest.mark.parametrize(
