@@ -34,14 +34,14 @@ env = gym.make("Gavel-SingleTask-v0", render_mode="ansi", on_violation="noop")  
 observation, info = env.reset(seed=7)
 print(observation["instruction"])
 
-observed = info["observed"]  # the same view with names: an observed scene graph and the map of the rooms
+observed = observation.observed  # the same view with names: an observed scene graph and the map of the rooms
 print(sorted(observed.graph.world.nodes)[:5], observed.graph.robot_room)
 
 # Go and find a fridge, the kitchen first; whatever is seen on the way is observed too.
 kitchens = {room.id: 1.0 for room in observed.graph.world.rooms.values() if room.type == "kitchen"}
 action = EnvAction(Primitive.NAVIGATE_TO, "fridge", search_prior=kitchens)
 observation, reward, terminated, truncated, info = env.step(action)
-print(info["outcome"], info["observed"].reached, f"{info['metres']:.1f} m")
+print(info["outcome"], observation.observed.reached, f"{info['metres']:.1f} m")
 ```
 
 With text, and in the form of the action space:

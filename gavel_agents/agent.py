@@ -8,7 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import msgspec
 
-from gavel_env.exchange import EnvAction
+from gavel_env.exchange import EnvAction, Observation
 
 __all__ = ["Agent", "AgentTrace", "Privileged", "TaskTrace", "says_valid", "stage"]
 
@@ -84,11 +84,11 @@ class Agent(Protocol):
 
     name: str
 
-    def reset(self, observation: Any, info: dict[str, Any]) -> None:
+    def reset(self, observation: Observation, info: dict[str, Any]) -> None:
         """Begin an episode with what `env.reset` returned."""
         ...
 
-    def act(self, observation: Any, info: dict[str, Any]) -> EnvAction | None:
+    def act(self, observation: Observation, info: dict[str, Any]) -> EnvAction | None:
         """Return the next action, or None when done."""
         ...
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from gavel_agents.agent import AgentTrace, TaskTrace, stage
 from gavel_env.errors import ResetNeeded
-from gavel_env.exchange import EnvAction
+from gavel_env.exchange import EnvAction, Observation, view
 from gavel_env.instructions.record import TaskSpec
 from gavel_env.sim.episode import Privileged
 from gavel_env.world_model.actions import Action, Primitive
@@ -80,13 +80,13 @@ class OracleAgent:
         """Take the hidden state of the episode that has just begun."""
         self._state = env.unwrapped.reveal()
 
-    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Order the reference plans by the metres they really take; a task without one is planned classically.
 
         Raises:
             ResetNeeded: `reveal` has not been called for this episode.
         """
-        if self._state is None or self._state.instruction.id != info["instruction_id"]:
+        if self._state is None or self._state.instruction.text != view(observation).instruction:
             raise ResetNeeded("the oracle needs reveal(env) after env.reset(...) and before its own reset(...)")
         state = self._state
         self.trace = AgentTrace()
@@ -106,10 +106,11 @@ class OracleAgent:
         self.trace.order.extend(order)
         self._left = deque(action for index in order for action in plans[index])
 
-    def act(self, observation: Any, info: Mapping[str, Any]) -> EnvAction | None:
+    def act(self, observation: Observation, info: Mapping[str, Any]) -> EnvAction | None:
         """Return the next step of the reference plans; None at their end or after a refusal."""
-        if info["outcome"] not in ("", "ok"):
-            self.trace.stopped = f"invalid: {info['outcome']}"
+        outcome = view(observation).outcome
+        if outcome not in ("", "ok"):
+            self.trace.stopped = f"invalid: {outcome}"
             return None
         return EnvAction.of(self._left.popleft()) if self._left else None
 

@@ -32,7 +32,7 @@ from gavel_agents.ordering.simulator import Simulator
 from gavel_agents.ordering.situation import Situation
 from gavel_agents.proposing.proposals import Planned, Problem, edited_plans, proposed_plans
 from gavel_agents.understanding import TaskUnderstanding, Understanding
-from gavel_env.exchange import EnvAction, Observed
+from gavel_env.exchange import EnvAction, Observation, Observed, view
 from gavel_env.instructions.lookup import About
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.dynamics import Profile, apply, first_violation
@@ -94,9 +94,9 @@ class PlanningAgent:
 
     # --- lines 1-18: understand and plan ---------------------------------------------------------------------------
 
-    def reset(self, observation: Any, info: dict[str, Any]) -> None:
+    def reset(self, observation: Observation, info: dict[str, Any]) -> None:
         """Understand the instruction, believe, plan and order."""
-        observed: Observed = info["observed"]
+        observed = view(observation)
         self.trace = AgentTrace()
         self._binder = Binder()
         self._running: deque[Action] = deque()
@@ -163,9 +163,9 @@ class PlanningAgent:
 
     # --- lines 19-30: order, execute, update -----------------------------------------------------------------------
 
-    def act(self, observation: Any, info: dict[str, Any]) -> EnvAction | None:
+    def act(self, observation: Observation, info: dict[str, Any]) -> EnvAction | None:
         """Take in what the last action showed; return the next one, or None when all tasks are done."""
-        observed: Observed = info["observed"]
+        observed = view(observation)
         if self._sent is not None:
             if observed.outcome != "ok":
                 self.trace.stopped = f"{self._sent} was invalid: {observed.outcome}"

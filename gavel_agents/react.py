@@ -18,7 +18,7 @@ from gavel_agents.llm import ChatModel, Completion, Message, Prompt, load_model
 from gavel_agents.proposing.proposals import prompt_hash
 from gavel_env.data import sayable
 from gavel_env.errors import BadOption, GavelError, MalformedAction
-from gavel_env.exchange import EnvAction, Observed
+from gavel_env.exchange import EnvAction, Observation, Observed, view
 from gavel_env.instructions.lookup import About
 from gavel_env.world_model.actions import Action, Primitive, parse_action
 from gavel_env.world_model.dynamics import Profile, Violation, ViolationKind, first_violation
@@ -85,9 +85,9 @@ class ReActAgent:
         self._most = max_calls
         self.trace = AgentTrace()
 
-    def reset(self, observation: Any, info: dict[str, Any]) -> None:
+    def reset(self, observation: Observation, info: dict[str, Any]) -> None:
         """Begin the conversation with the instruction and what is seen."""
-        observed: Observed = info["observed"]
+        observed = view(observation)
         self.trace = AgentTrace(tasks=[], order=[0], seconds={}, prompts=[], completions=[])
         self._about = About.of(observed.instruction, observed.graph.world.rooms)
         self._taken: list[str] = []
@@ -98,9 +98,9 @@ class ReActAgent:
         text = f"Instruction: {observed.instruction}\n{look(observed.graph)}"
         self._turns = [Message("system", SYSTEM), Message("user", self._with_commands(text, observed.graph))]
 
-    def act(self, observation: Any, info: dict[str, Any]) -> EnvAction | None:
+    def act(self, observation: Observation, info: dict[str, Any]) -> EnvAction | None:
         """Tell the model what its last action did; return the next one, or None when it is done."""
-        observed: Observed = info["observed"]
+        observed = view(observation)
         if self._sent is not None:
             self._report(self._sent, observed)
         self._before = observed

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gavel_env.envs.text_game import TextGame
     from gavel_env.envs.wrappers import FlatActions, PaddedGraph, TextActions
     from gavel_env.errors import GavelError
-    from gavel_env.exchange import EnvAction, Observed, ReturnWhen
+    from gavel_env.exchange import EnvAction, Observation, Observed, ReturnWhen
     from gavel_env.house.robot_config import RobotConfig
     from gavel_env.house.scenes import load_scene, scene_names
     from gavel_env.instructions.record import Instruction, read_instructions
@@ -48,6 +48,7 @@ __all__ = [
     "Judgement",
     "Layout",
     "Node",
+    "Observation",
     "Observed",
     "Ontology",
     "OwnAction",
@@ -97,6 +98,7 @@ _HOME = {
     "Judgement": "sim.episode",
     "Layout": "world_model.layout",
     "Node": "world_model.graph",
+    "Observation": "exchange",
     "Observed": "exchange",
     "Ontology": "world_model.ontology",
     "OwnAction": "world_model.own_actions",

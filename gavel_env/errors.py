@@ -11,6 +11,7 @@ __all__ = [
     "ResetNeeded",
     "AgentNameTaken",
     "BadAction",
+    "BadObservation",
     "BadEnvironmentOption",
     "BadOption",
     "BadOwnAction",
@@ -199,6 +200,10 @@ class TooManyNodes(GavelError):
 
 class BadAction(GavelError):
     """An action that the action space cannot say, or that has not its form."""
+
+
+class BadObservation(GavelError):
+    """An agent was given something else than the environment's own observation."""
 
 
 class BadSearchPrior(GavelError):

@@ -6,17 +6,18 @@ Nothing here mentions an object that has not been observed.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from gavel_env.errors import BadObservation
 from gavel_env.house.floor_map import FloorMap
 from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.graph import SceneGraph
 
-__all__ = ["EnvAction", "Observed", "ReturnWhen"]
+__all__ = ["EnvAction", "Observation", "Observed", "ReturnWhen", "view"]
 
 
 class ReturnWhen(NamedTuple):
@@ -94,3 +95,37 @@ class Observed(msgspec.Struct, frozen=True, eq=False):
         return all(np.array_equal(a, b) if a is self.seen else a == b for a, b in zip(mine, others, strict=True))
 
     __hash__ = None  # type: ignore[assignment]
+
+
+class Observation(dict[str, Any]):
+    """What `reset` and `step` return: arrays by key for learners, and the same view in names for agents that plan.
+
+    Wrappers that replace the arrays return a plain dict, without `observed`.
+
+    Attributes:
+        observed: the view that the arrays encode.
+    """
+
+    __slots__ = ("observed",)
+
+    def __init__(self, arrays: Mapping[str, Any], observed: Observed) -> None:
+        super().__init__(arrays)
+        self.observed = observed
+
+    def __reduce__(self) -> tuple[type[Observation], tuple[dict[str, Any], Observed]]:
+        """Return how to make it again: from a plain dict and the view."""
+        return Observation, (dict(self), self.observed)
+
+
+def view(observation: object) -> Observed:
+    """Return the view in names of an observation.
+
+    Raises:
+        BadObservation: it has none.
+    """
+    if isinstance(observation, Observation):
+        return observation.observed
+    raise BadObservation(
+        f"an agent takes the gavel_env.Observation that reset and step return; got {type(observation).__name__}"
+        " (did a wrapper replace it?)"
+    )

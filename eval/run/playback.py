@@ -7,7 +7,7 @@ from typing import Any
 
 from eval.records.schema import EpisodeRecord, Step
 from gavel_agents.agent import AgentTrace
-from gavel_env.exchange import EnvAction
+from gavel_env.exchange import EnvAction, Observation
 from gavel_env.world_model.actions import parse_action
 from gavel_env.world_model.narration import look
 
@@ -27,12 +27,12 @@ class Playback:
         self.seen: list[str] = []
         self._left = deque(record.steps)
 
-    def reset(self, observation: Any, info: dict[str, Any]) -> None:
+    def reset(self, observation: Observation, info: dict[str, Any]) -> None:
         """Begin."""
 
-    def act(self, observation: Any, info: dict[str, Any]) -> EnvAction | None:
+    def act(self, observation: Observation, info: dict[str, Any]) -> EnvAction | None:
         """Return the next recorded action."""
-        self.seen.append(look(info["observed"].graph))
+        self.seen.append(look(observation.observed.graph))
         return _action(self._left.popleft()) if self._left else None
 
 

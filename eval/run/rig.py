@@ -23,9 +23,9 @@ from eval.records.conversations import Exchange
 from eval.records.encoding import sound
 from eval.records.schema import Contestant, EpisodeRecord, Scenery, Step
 from eval.records.scrub import describe_error, scrub
-from eval.run.agent_process import AgentFailed, AgentHost, ForeignAgent, in_process
 from eval.run.boundary import attempt
 from eval.run.episodes import EnvironmentSettings, Episode, classify, step_record
+from eval.run.foreign.host import AgentFailed, AgentHost, ForeignAgent, in_process
 from eval.run.misreading import misread
 from eval.run.planners import EpisodeModel, Planners, usage
 from eval.run.watching import Watcher

@@ -117,12 +117,12 @@ def drive(
     spent = time.perf_counter() - begun
     beliefs = agent.beliefs
     steps: list[Step] = []
-    moments = [Moment(info["observed"], _seen(world))]
+    moments = [Moment(observation.observed, _seen(world))]
     stopped_by = ""
     while not stopped_by and (action := agent.act(observation, info)) is not None:
         observation, _, _, truncated, info = env.step(action)
         steps.append(step_record(action, info))
-        observed: Observed = info["observed"]
+        observed: Observed = observation.observed
         rooms = dict.fromkeys(observed.layout.room_of(cell) for cell in info["route"])
         gone = tuple(room for room in rooms if room is not None)
         moments.append(Moment(observed, _seen(world), tuple(info["route"]), gone, tuple(info["seen"])))

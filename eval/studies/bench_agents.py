@@ -19,6 +19,7 @@ from typing import Any
 from eval.studies.bench_world import instructions, make, plans, reset
 from eval.studies.measuring import Measurement, Samples, timed
 from gavel_env.errors import NotInstalled
+from gavel_env.exchange import Observation
 from gavel_env.world_model.actions import Action, Primitive
 
 __all__ = ["AGENTS", "slow_endpoint"]
@@ -58,7 +59,7 @@ def _repairs() -> Samples:
             yield timed(partial(repair, graph, tuple(broken), goal))
 
 
-def _planners(belief: str) -> Iterator[tuple[Any, dict[str, Any], Any]]:
+def _planners(belief: str) -> Iterator[tuple[Any, Observation, Any]]:
     """Yield agents that plan by graph edits and order once, each with an instruction of five tasks just begun."""
     from gavel_agents.beliefs.belief import load_prior
     from gavel_agents.methods import MethodConfig
@@ -70,17 +71,17 @@ def _planners(belief: str) -> Iterator[tuple[Any, dict[str, Any], Any]]:
         raise NotInstalled("no shipped instruction has five tasks")
     env, _ = make("symbolic")
     for instruction in islice(chosen, 20):
-        info = reset(env, instruction)
+        observation = reset(env, instruction)
         understanding = ReferenceUnderstanding([instruction])
         config = MethodConfig(source="edits", attempts=0, order="once", belief=belief)  # type: ignore[arg-type]
         agent = PlanningAgent("bench", config, understanding=understanding, model=None, prior=load_prior("choice"))
-        yield agent, info, understanding
+        yield agent, observation, understanding
 
 
 def _orderings() -> Samples:
-    for agent, info, _ in _planners("full"):
+    for agent, observation, _ in _planners("full"):
         for _ in range(3):
-            agent.reset({}, info)
+            agent.reset(observation, {})
             yield agent.trace.seconds["order"]
 
 
@@ -90,8 +91,8 @@ def _belief_updates() -> Samples:
     from gavel_agents.ordering.cost import TravelModel
     from gavel_env.world_model.ontology import default_ontology
 
-    for _, info, understanding in _planners("full"):
-        observed = info["observed"]
+    for _, observation, understanding in _planners("full"):
+        observed = observation.observed
         world = observed.graph.world
         tasks = understanding.understand(observed.instruction).tasks
         graph = believed_graph(world.rooms, world.connections, tasks, default_ontology(), observed.graph.robot_room)

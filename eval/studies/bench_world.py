@@ -11,7 +11,7 @@ from functools import cache, partial
 from typing import Any
 
 from eval.studies.measuring import Measurement, Samples, timed
-from gavel_env.exchange import EnvAction
+from gavel_env.exchange import EnvAction, Observation
 from gavel_env.instructions.record import Instruction, InstructionSet, read_instructions, shipped
 from gavel_env.world_model.actions import Primitive
 
@@ -39,10 +39,10 @@ def make(observation: str) -> tuple[Any, Any]:
     return env, env.unwrapped
 
 
-def reset(env: Any, instruction: Instruction) -> dict[str, Any]:
-    """Begin an instruction; return the info."""
-    info: dict[str, Any] = env.reset(seed=0, options={"instruction": instruction})[1]
-    return info
+def reset(env: Any, instruction: Instruction) -> Observation:
+    """Begin an instruction; return the observation."""
+    observation: Observation = env.reset(seed=0, options={"instruction": instruction})[0]
+    return observation
 
 
 def _resets(observation: str) -> Samples:
@@ -174,11 +174,11 @@ def _room_searches() -> Samples:
 
     env, world = make("symbolic")
     for instruction in one_per_scene("single"):
-        before = reset(env, instruction)["observed"].searched
+        before = reset(env, instruction).observed.searched
         present = world.privileged_state().graph.world.by_category
         missing = next(category for category in default_ontology() if category not in present)
         begun = time.perf_counter()
-        after = env.step(EnvAction(Primitive.NAVIGATE_TO, missing))[4]["observed"].searched
+        after = env.step(EnvAction(Primitive.NAVIGATE_TO, missing))[0].observed.searched
         if len(after) > len(before):
             yield (time.perf_counter() - begun) / len(after - before)
 

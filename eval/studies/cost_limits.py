@@ -97,12 +97,12 @@ def limits(
         assert isinstance(planner, PlanningAgent)
         observation, info = env.reset(seed=0, options={"instruction": instruction})
         planner.reset(observation, info)
-        situation = planner.situation(info["observed"])
+        situation = planner.situation(observation.observed)
         pairwise = situation.simulator is None
         order = next(situation.candidates()).order
         [expected] = situation.expected_m([order])
         driven = _drive(env, reordered(instruction, order), prior)
-        replaced = _worlds(instruction, planner.beliefs, info["observed"], rng, worlds)
+        replaced = _worlds(instruction, planner.beliefs, observation.observed, rng, worlds)
         simulated = [m for world in replaced if (m := _drive(env, reordered(world, order), prior)) is not None]
         if driven is not None and simulated:
             chosen.append((expected, driven, float(np.mean(simulated)), situation.sequential_m(order)))

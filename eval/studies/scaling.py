@@ -141,10 +141,10 @@ def _planning_ms() -> Points:
         chosen = [i for i in instructions("multi").values() if len(i.tasks) == count][:15]
         spent = []
         for instruction in chosen:
-            info = reset(env, instruction)
+            observation = reset(env, instruction)
             agent = gavel_agents.make("gavel-full", understanding="reference", planner="reference:multi")
-            agent.reset({}, info)
-            spent.append(min(_cpu(lambda: agent.reset({}, info)) for _ in range(3)))  # noqa: B023
+            agent.reset(observation, {})
+            spent.append(min(_cpu(lambda: agent.reset(observation, {})) for _ in range(3)))  # noqa: B023
         yield float(count), 1e3 * statistics.median(spent)
 
 

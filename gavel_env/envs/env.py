@@ -23,7 +23,7 @@ from gavel_env.errors import (
     ResetNeeded,
     UnknownInstruction,
 )
-from gavel_env.exchange import EnvAction, Observed, ReturnWhen
+from gavel_env.exchange import EnvAction, Observation, Observed, ReturnWhen
 from gavel_env.house.robot_config import DEFAULT_ROBOT, RobotConfig
 from gavel_env.house.scenes import BENCHMARK_HOUSES, load_scene
 from gavel_env.instructions.record import Instruction, parse_instruction
@@ -38,12 +38,11 @@ if TYPE_CHECKING:
 
 __all__ = ["BadEnvironmentOption", "GavelEnv"]
 
-Observation = dict[str, Any]
 
 _FEWEST_NODES = 512
 
 
-class GavelEnv(gym.Env[Observation, Any]):
+class GavelEnv(gym.Env[dict[str, Any], Any]):
     """A robot carries out an instruction in a house that it has not seen.
 
     ## Description
@@ -94,8 +93,8 @@ class GavelEnv(gym.Env[Observation, Any]):
     Columns of a node: `gavel_env.envs.spaces.NODE_COLUMNS`; relations of the edges: `EdgeType`. A category is its index
     in the ontology.
 
-    `info["observed"]` is the same as a frozen `gavel_env.Observed`, with the observed `SceneGraph` and the map of the
-    rooms. Nothing in either names an object that has not been observed.
+    The dict is a `gavel_env.Observation`: its attribute `observed` is the same as a frozen `gavel_env.Observed`, with
+    the observed `SceneGraph` and the map of the rooms. Nothing in either names an object that has not been observed.
 
     ## Starting State
 
@@ -118,7 +117,7 @@ class GavelEnv(gym.Env[Observation, Any]):
 
     | key | meaning |
     |---|---|
-    | `observed` | the agent's view, `gavel_env.Observed` |
+    | `observed` | the agent's view, as in the observation |
     | `outcome` | "ok", the kind of the violation, or "" after `reset` |
     | `violation` | `Violation` with kind, subject and blocker, or None |
     | `action` | the action as text, its target bound to what was found |
@@ -276,7 +275,7 @@ class GavelEnv(gym.Env[Observation, Any]):
 
     @property
     def observed(self) -> Observed:
-        """Return the agent's view, as in `info["observed"]`."""
+        """Return the agent's view, as in the last observation."""
         return self._started().observed
 
     def judge(self) -> Judgement:
@@ -338,7 +337,7 @@ class GavelEnv(gym.Env[Observation, Any]):
         values = self._encoder.small(observed, (x, y))
         if self._with_graph:
             values["graph"] = self._encoder.encode(observed, (x, y))
-        return values
+        return Observation(values, observed)
 
     def _info(
         self, outcome: str, violation: Any, action: str, metres: float, route: tuple[int, ...], seen: tuple[str, ...]

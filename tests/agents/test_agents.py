@@ -57,15 +57,15 @@ def run(agent: Any, instructions: Mapping[str, Instruction]) -> dict[str, Result
     )
     results = {}
     for name in instructions:
-        observation, info = env.reset(seed=0, options={"instruction": name})
+        observation, _ = env.reset(seed=0, options={"instruction": name})
         if isinstance(agent, gavel_agents.Privileged):
             agent.reveal(env)
-        agent.reset(observation, info)
-        while (action := agent.act(observation, info)) is not None:
-            observation, _, terminated, truncated, info = env.step(action)
+        agent.reset(observation, {})
+        while (action := agent.act(observation, {})) is not None:
+            observation, _, terminated, truncated, _ = env.step(action)
             assert not truncated
             if terminated:
-                agent.act(observation, info)
+                agent.act(observation, {})
                 break
         judgement = unwrapped(env).judge()
         results[name] = Result(judgement.success, judgement.metres, agent.trace.stopped)

@@ -38,9 +38,9 @@ def run(model: Script, instruction: str = "rs_apple_to_table", **options: Any) -
     agent = gavel_agents.make("react", planner=model, **options)
     assert isinstance(agent, ReActAgent)
     observation, info = env.reset(seed=0, options={"instruction": instruction})
-    agent.reset(observation, info)
+    agent.reset(observation, {})
     outcomes = []
-    while (action := agent.act(observation, info)) is not None:
+    while (action := agent.act(observation, {})) is not None:
         observation, _, terminated, _, info = env.step(action)
         outcomes.append(info["outcome"])
         if terminated:

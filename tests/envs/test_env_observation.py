@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from typing import Any
 
 import gymnasium as gym
@@ -18,6 +20,8 @@ from gavel_env.envs.spaces import (
     EdgeType,
     NodeKind,
 )
+from gavel_env.errors import BadObservation
+from gavel_env.exchange import Observation, view
 from gavel_env.house.scenes import load_scene, scene_names
 from gavel_env.world_model.graph import Flag
 from gavel_env.world_model.ontology import default_ontology
@@ -35,6 +39,25 @@ def relations(env: gym.Env[Any, Any], observation: dict[str, Any]) -> set[tuple[
         (EdgeType(kind).name.lower(), name(a), name(b))
         for kind, (a, b) in zip(graph.edges, graph.edge_links, strict=True)
     }
+
+
+def test_an_observation_carries_its_view_in_names() -> None:
+    env = make()
+    first, info = env.reset(seed=1, options={"instruction": next(iter(INSTRUCTIONS))})
+    assert first.observed is info["observed"] is unwrapped(env).observed
+    assert first in env.observation_space
+    copies = (pickle.loads(pickle.dumps(first)), copy.deepcopy(first))
+    for other in copies:
+        assert isinstance(other, Observation)
+        assert other.keys() == first.keys()
+        assert other.observed.graph == first.observed.graph
+    later = env.step(env.action_space.sample())[0]
+    assert later.observed is unwrapped(env).observed is not first.observed
+
+
+def test_what_is_no_observation_has_no_view() -> None:
+    with pytest.raises(BadObservation, match=r"gavel_env\.Observation .* got dict"):
+        view({"holding": 0})
 
 
 @pytest.mark.parametrize("name", INSTRUCTIONS)
