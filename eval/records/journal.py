@@ -41,11 +41,13 @@ class RecordFile(NamedTuple):
         headers: in order.
         records: by key; of records with the same key the last one.
         damaged: `PLACE: REASON` per line that is not a record; their episodes count as not run.
+        folders: in which the files lie.
     """
 
     headers: tuple[RunHeader, ...]
     records: Mapping[EpisodeKey, EpisodeRecord]
     damaged: tuple[str, ...]
+    folders: tuple[Path, ...] = ()
 
 
 def read_records(paths: Iterable[str | Path], *, whole: bool = True) -> RecordFile:
@@ -62,8 +64,10 @@ def read_records(paths: Iterable[str | Path], *, whole: bool = True) -> RecordFi
     records: dict[EpisodeKey, EpisodeRecord] = {}
     contestants: dict[Contestant, Contestant] = {}
     damaged: list[str] = []
+    folders: dict[Path, None] = {}
     for path in map(Path, paths):
         file = path / "records.jsonl" if os.path.isdir(path) else path
+        folders[file.parent] = None
         for number, line in enumerate(read_bytes(file, "records", most=MOST_BYTES).splitlines(keepends=True), start=1):
             if not line.endswith(b"\n"):
                 damaged.append(f"{file}:{number}: torn last line")
@@ -81,7 +85,7 @@ def read_records(paths: Iterable[str | Path], *, whole: bool = True) -> RecordFi
                 records[entry.key] = msgspec.structs.replace(entry, contestant=who) if whole else _slim(entry, who)
         if not headers and not records:
             raise DataError(f"{file} holds no record" + (f"; {damaged[0]}" if damaged else ""))
-    return RecordFile(tuple(headers), records, tuple(damaged))
+    return RecordFile(tuple(headers), records, tuple(damaged), tuple(folders))
 
 
 def _slim(record: EpisodeRecord, who: Contestant) -> EpisodeRecord:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from eval.records.journal import RecordFile
 from eval.records.schema import EpisodeRecord
 from eval.report.grid import labels_of
+from eval.report.houses import house_of
 from eval.report.paired import paired_metres
 from eval.report.statistics import wilson
 from eval.report.tables import Section, results
@@ -22,7 +24,6 @@ from eval.report.waterfall import STAGES, waterfall
 from eval.studies.plots import figure
 from gavel_env.errors import GavelError
 from gavel_env.house.floor_map import floor_map
-from gavel_env.house.scenes import load_scene
 
 __all__ = ["FIGURES", "figures"]
 
@@ -37,11 +38,13 @@ class _Run(NamedTuple):
     Attributes:
         names: per row, as the tables have them.
         records: per row.
+        folders: of the record files.
     """
 
     section: Section
     names: tuple[str, ...]
     records: tuple[tuple[EpisodeRecord, ...], ...]
+    folders: tuple[Path, ...] = ()
 
     def rows(self) -> Iterator[tuple[int, str, tuple[EpisodeRecord, ...]]]:
         yield from ((i, name, self.records[i]) for i, name in enumerate(self.names))
@@ -57,7 +60,7 @@ def figures(files: RecordFile) -> Iterator[tuple[str, Any]]:
         _, labels = labels_of(section)
         names = tuple(" ".join(part for part in label if part not in ("", "—")) for label in labels)
         records = tuple(tuple(files.records[key] for key in keys if key in files.records) for keys in section.keys)
-        run = _Run(section, names, records)
+        run = _Run(section, names, records, files.folders)
         about = "-".join(filter(None, (section.benchmark.kind, section.part)))
         for name, drawn in FIGURES.items():
             drawing = drawn(run)
@@ -155,7 +158,7 @@ def _reliability(run: _Run) -> Any:
     """Beliefs at the start against how often they came true: of the rooms believed at p, how many held the thing."""
     found: list[tuple[float, bool]] = []
     for records in run.records:
-        found += [pair for record in records for pair in _believed(record)]
+        found += [pair for record in records for pair in _believed(record, run.folders)]
         if found:
             break  # every method starts with the same beliefs
     if len(found) < 50:
@@ -175,10 +178,10 @@ def _reliability(run: _Run) -> Any:
     return drawing
 
 
-def _believed(record: EpisodeRecord) -> Iterator[tuple[float, bool]]:
+def _believed(record: EpisodeRecord, folders: Sequence[Path]) -> Iterator[tuple[float, bool]]:
     """Yield (belief, whether the thing was there) for every room of what an episode's agent was unsure of."""
     try:
-        floor = floor_map(load_scene(record.scene))
+        floor = floor_map(house_of(record.scene, folders))
     except GavelError:
         return
     for step, node, rooms in record.scenery.beliefs:

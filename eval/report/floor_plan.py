@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from eval.report.houses import house_of
 from gavel_env.errors import GavelError
-from gavel_env.house.scenes import Furniture, Scene, load_scene
+from gavel_env.house.scenes import Furniture, Scene
 from gavel_env.render.style import KIND_COLOURS, Rgb, floor_of, kind_of, room_title
 
 __all__ = ["floor_plans"]
@@ -16,12 +18,12 @@ __all__ = ["floor_plans"]
 Points = list[tuple[float, float]]
 
 
-def floor_plans(scenes: Iterable[str]) -> Mapping[str, Any]:
-    """Return scene -> floor plan, for the scenes that can be read here."""
+def floor_plans(scenes: Iterable[str], folders: Sequence[Path]) -> Mapping[str, Any]:
+    """Return scene -> floor plan, for the scenes of records that can be read here; `folders` as for `house_of`."""
     plans = {}
     for name in sorted(set(scenes) - {""}):
         try:
-            plans[name] = _plan(load_scene(name))
+            plans[name] = _plan(house_of(name, folders))
         except GavelError:
             continue  # an episode there is shown without one
     return plans

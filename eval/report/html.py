@@ -74,7 +74,7 @@ def report_data(
         "title": title,
         "tables": [_grid(grid) for grid in grids(found, failures=True)] if tables else [],
         "charts": [_chart(section) for section in found.sections] if tables else [],
-        "scenes": floor_plans(record.scene for record in records),
+        "scenes": floor_plans((record.scene for record in records), files.folders),
         "episodes": [_episode(record, names, conversations, texts) for record in records],
         "texts": list(texts),
     }

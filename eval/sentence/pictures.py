@@ -41,7 +41,8 @@ class Frame(NamedTuple):
 
 def replay(run: SentenceRun) -> str:
     """Return the replay as one HTML file."""
-    return html_report(RecordFile((), {run.record.key: run.record}, ()), title=run.text, tables=False)
+    files = RecordFile((), {run.record.key: run.record}, (), (Path(run.scene).parent,))
+    return html_report(files, title=run.text, tables=False)
 
 
 def picture(run: SentenceRun) -> Image:

@@ -10,15 +10,17 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from eval.cli import main
-from eval.records.journal import RecordFile, RecordWriter
+from eval.records.journal import RecordFile, RecordWriter, read_records
 from eval.records.schema import Contestant, EpisodeRecord, Step
 from eval.report.grid import grids
 from eval.report.html import html_report
 from eval.report.tables import results
 from gavel_agents.agent import AgentTrace, TaskTrace
+from gavel_env.data import shipped_data
 from gavel_env.house.scenes import load_scene
 
 EVIL = "</script><img src=x onerror=alert(1)> & <b>bold</b>"
@@ -75,6 +77,26 @@ def test_nothing_in_a_record_becomes_markup() -> None:
     assert sum(tag == "script" for tag, _ in elements.tags) == 2
     assert [e["text"] for e in data["episodes"]] == ["Do it.", EVIL, "Do it."]
     assert data["title"] == "My <results>"
+
+
+def test_a_record_opens_no_file_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    beside, elsewhere = tmp_path / "run", tmp_path / "home"
+    house = shipped_data("scenes", "Rs_int.json").read_bytes()
+    for folder in (beside, elsewhere):
+        folder.mkdir()
+        (folder / "house.json").write_bytes(house)
+    (beside / "link.json").symlink_to(elsewhere / "house.json")
+    monkeypatch.chdir(beside)
+    [first, *_] = records().records.values()
+    scenes = {
+        str(beside / "house.json"): True, "house.json": True, "link.json": False,
+        str(elsewhere / "house.json"): False, "../home/house.json": False,
+    }  # fmt: skip
+    for scene, opens in scenes.items():
+        (beside / "records.jsonl").unlink(missing_ok=True)
+        with RecordWriter(beside / "records.jsonl") as writer:
+            writer.write(msgspec.structs.replace(first, scene=scene))
+        assert (page_data(read_records([beside]))[1]["scenes"].keys() == {scene}) is opens
 
 
 def test_the_page_asks_for_nothing_from_outside() -> None:
