@@ -208,6 +208,7 @@ def _validate(arguments: argparse.Namespace) -> int:
 def _generate(arguments: argparse.Namespace) -> int:
     import msgspec
 
+    from gavel_env.instructions.record import scene_from
     from gavel_env.tasks.generator import Knobs, generate
     from gavel_env.tasks.recipes import house_names
 
@@ -225,7 +226,8 @@ def _generate(arguments: argparse.Namespace) -> int:
         split=arguments.split,
         any_pairs=arguments.any_pairs,
     )
-    lines = [msgspec.json.encode(record) + b"\n" for record in generate(knobs)]
+    folder = Path() if arguments.out is None else arguments.out.parent
+    lines = [msgspec.json.encode(scene_from(record, folder)) + b"\n" for record in generate(knobs)]
     if arguments.out is None:
         sys.stdout.buffer.write(b"".join(lines))
         return 0

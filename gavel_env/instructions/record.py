@@ -28,6 +28,7 @@ __all__ = [
     "TaskSpec",
     "read_instructions",
     "scene_beside",
+    "scene_from",
     "shipped",
     "shipped_instructions",
 ]
@@ -232,6 +233,23 @@ def scene_beside(record: Instruction, folder: Path, place: str) -> Instruction:
             "instruction file; expected a path within it, such as 'my_house.json', or the name of a shipped scene"
         )
     return msgspec.structs.replace(record, scene=str(folder / path))
+
+
+def scene_from(record: Instruction, folder: Path) -> Instruction:
+    """Return a record as a file in a folder must have it: with its scene's path from there (see `scene_beside`).
+
+    Raises:
+        InstructionError: the scene file lies outside the folder.
+    """
+    if not record.scene.endswith(".json"):
+        return record
+    path = Path(record.scene).resolve()
+    if not path.is_relative_to(folder.resolve()):
+        raise InstructionError(
+            f"the scene file {record.scene} lies outside {folder}, the folder of the instruction file, and would not be"
+            " read from there; copy it into that folder, or write the instructions beside it"
+        )
+    return msgspec.structs.replace(record, scene=path.relative_to(folder.resolve()).as_posix())
 
 
 def read_instructions(path: str | Path) -> InstructionSet:

@@ -88,7 +88,7 @@ def assemble(
     }
     return Instruction(
         identifier,
-        draft.house.scene.scene,
+        draft.house.name,
         text,
         tuple(placements),
         tasks,

@@ -112,6 +112,7 @@ class House:
         ontology: Ontology | None = None,
         vocabulary: Vocabulary | None = None,
         floor: FloorMap | None = None,
+        name: str = "",
     ) -> None:
         """Build the view.
 
@@ -120,11 +121,13 @@ class House:
             ontology: affordances; default the shipped ones.
             vocabulary: nouns; default the shipped ones.
             floor: map to drive on; pieces that the robot cannot reach are then left out.
+            name: under which instructions find the scene, such as a path; default: that which it has itself.
 
         Raises:
             SceneError: the scene has no furniture that the vocabulary names.
         """
         self.scene = scene
+        self.name = name or scene.scene
         self.ontology = ontology or default_ontology()
         self.vocabulary = vocabulary or default_vocabulary()
         self.graph: SceneGraph = scene_graph(scene, self.ontology)
@@ -249,4 +252,4 @@ def load_house(scene: str) -> House:
         UnknownScene, SceneError: as `scenes.load_scene`.
     """
     found = load_scene(scene)
-    return House(found, floor=floor_map(found))
+    return House(found, floor=floor_map(found), name=scene)

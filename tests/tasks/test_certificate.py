@@ -10,10 +10,11 @@ import msgspec
 import pytest
 
 from eval.cli import main
+from gavel_env.data import shipped_data
 from gavel_env.errors import InstructionError
 from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.initial_graph import instruction_graph
-from gavel_env.instructions.record import Instruction, Placement, TaskSpec
+from gavel_env.instructions.record import Instruction, Placement, TaskSpec, read_instructions
 from gavel_env.tasks.broken import LEAST, Broken, broken_path, broken_variants, read_broken
 from gavel_env.tasks.certificate import CHECKS, certify, certify_set, check_broken
 from gavel_env.tasks.driving import drive
@@ -300,6 +301,29 @@ def test_generate_and_show(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert all(action in shown for action in record.tasks[0].reference_plan)
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert main(["tasks", "show", "nobody", str(out)]) == 2
+
+
+def test_what_is_generated_in_a_file_s_house_runs_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine").mkdir()
+    house = tmp_path / "mine" / "flat.json"
+    house.write_bytes(shipped_data("scenes", "Rs_int.json").read_bytes())
+    command = ["tasks", "generate", "--kind", "single", "--n", "1", "--houses", str(house)]
+    out = house.with_name("tasks.jsonl")
+    assert main([*command, "--out", str(out)]) == 0
+    assert msgspec.json.decode(out.read_bytes(), type=Instruction).scene == "flat.json"
+    [record] = read_instructions(out).values()
+    assert record.scene == str(house)
+    assert main(["tasks", "validate", str(out)]) == 0
+    monkeypatch.chdir(tmp_path)
+    capsys.readouterr()
+    assert main(command) == 0
+    assert msgspec.json.decode(capsys.readouterr().out, type=Instruction).scene == "mine/flat.json"
+    (tmp_path / "other").mkdir()
+    assert main([*command, "--out", "other/tasks.jsonl"]) == 2
+    assert "flat.json lies outside other" in capsys.readouterr().err
+    assert not any((tmp_path / "other").iterdir())
 
 
 @pytest.mark.parametrize("span", ["5-2", "a-b", "-3"])
