@@ -24,8 +24,8 @@ _FOLDED = 3.0
 """How many times its holder's a thing's sizes may be, as annotated: sheets and cloths are annotated spread out."""
 
 _AFFORDANCE = {
-    Flag.WASHED: "liftable",  # what washes and dries does so to what is put into it
-    Flag.DRIED: "liftable",
+    Flag.WASHED: "washable",
+    Flag.DRIED: "washable",
     Flag.OPEN: "openable",
     Flag.TOGGLED: "toggleable",
     Flag.COOKED: "cookable",

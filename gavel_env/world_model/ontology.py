@@ -111,6 +111,15 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         """True if the robot can pick up a loose instance, with one hand or both arms."""
         return self.graspable or self.carryable
 
+    @property
+    def washable(self) -> bool:
+        """True if people have instances washed and dried: what is carried, has no switch and is not cooked.
+
+        BEHAVIOR annotates neither, so this is a rule of this project; it bounds what goals may ask for, not what becomes
+        of things that are in a machine.
+        """
+        return self.liftable and not self.toggleable and not self.cookable
+
     def is_a(self, name: str) -> bool:
         """Return whether `name` is this category or a concept that it belongs to."""
         return name == self.name or name in self.concepts

@@ -52,10 +52,9 @@ _WASHED = ("laundry", "dish", "tray", "bath", "toy", "household")
 
 
 def _washable(category: Category) -> bool:
-    """Return whether people have things of a category washed: nothing electric, of paper or to eat, no furniture."""
+    """Return whether people have things of a category washed: nothing of paper or to eat either."""
     said = default_vocabulary().movables.get(category.name)
-    fitting = said.theme in _WASHED if said is not None else not category.cookable
-    return category.graspable and not category.toggleable and fitting
+    return category.washable and category.graspable and (said is None or said.theme in _WASHED)
 
 
 def _edible(category: Category) -> bool:
