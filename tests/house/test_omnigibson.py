@@ -350,6 +350,28 @@ def test_missing_or_corrupt_files_are_named(folder: Folder) -> None:
         import_scene(path)
 
 
+@pytest.mark.parametrize("content", [b'{"metadata": "\xff"}', b"\xff\xfe", b'{"state": "\xed\xa0\x80"}'])
+def test_a_scene_that_is_not_utf_8_is_named(folder: Folder, content: bytes) -> None:
+    path = folder.write()
+    (path / "json" / "Tiny_int_best.json").write_bytes(content)
+    with pytest.raises(SceneError, match=r"Tiny_int_best\.json is malformed: "):
+        import_scene(path)
+
+
+def test_metadata_and_room_categories_that_are_not_utf_8_are_named(folder: Folder) -> None:
+    folder.objects = {"bed_b_0": folder.objects["bed_b_0"]}
+    path = folder.write()
+    objects = write_metadata(folder.root, "bed", "bbbbbb", bbox_size=[1, 1, 1])
+    [metadata] = objects.rglob("metadata.json")
+    metadata.write_bytes(b'{"bbox_size": "\xff"}')
+    with pytest.raises(SceneError, match=r"metadata\.json is malformed"):
+        import_scene(path, objects)
+    [categories] = folder.root.rglob("room_categories.txt")
+    categories.write_bytes(b"kitchen\n\xff\n")
+    with pytest.raises(SceneError, match=r"room_categories\.txt are not UTF-8"):
+        import_scene(path)
+
+
 @pytest.mark.parametrize("content", [{"bbox_size": [1, 1]}, {"bbox_size": [0, 1, 1]}, {}])
 def test_broken_metadata_is_refused(folder: Folder, content: dict[str, Any]) -> None:
     folder.objects = {"bed_b_0": folder.objects["bed_b_0"]}
