@@ -115,8 +115,8 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     def washable(self) -> bool:
         """True if people have instances washed and dried: what is carried, has no switch and is not cooked.
 
-        BEHAVIOR annotates neither, so this is a rule of this project. It bounds what goals may ask for, not what becomes
-        of things that are in a machine.
+        BEHAVIOR annotates neither, so this is a rule of this project. It bounds what goals may ask for, not what
+        becomes of things that are in a machine.
         """
         return self.liftable and not self.toggleable and not self.cookable
 

@@ -65,9 +65,8 @@ FRAMES = ["{}", "{}x", "GRASP: apple {}x", "[{}", "NAVIGATE_TO(a)\n{}"]
 def test_a_megabyte_of_anything_is_read_at_once(reader: str, seed: str, frame: str) -> None:
     text = frame.format(seed * (MEGABYTE // len(seed)))
     spent = seconds(READERS[reader], text)
-    if spent > 0.2:  # unless the machine is slow: a quarter of it must then take much less
-        assert spent < 12 * max(0.01, seconds(READERS[reader], text[: len(text) // 4])), spent
-        assert spent < 2.0
+    if spent > 0.2:  # then a quarter of it must take much less: in quadratic time it would take a sixteenth
+        assert spent < 12 * max(0.02, seconds(READERS[reader], text[: len(text) // 4])), spent
 
 
 def test_numbers_and_nesting_that_python_itself_refuses_are_results() -> None:
