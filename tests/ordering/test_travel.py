@@ -39,6 +39,16 @@ def test_room_searches_are_traversable_floor_by_the_width_of_the_cost(layout: Fl
         assert travel_model(layout, cost, width_m).search_m == pytest.approx(floor_m2 / used_m), cost
 
 
+def test_metres_between_rooms_are_those_of_the_layout(layout: FloorMap, travel: TravelModel) -> None:
+    for i, room in enumerate(travel.rooms):
+        point = layout.room_points[room]
+        assert point is not None
+        between = [layout.room_distance(room, other) for other in travel.rooms]
+        assert travel.room_m[i].tolist() == between
+        assert min(m for j, m in enumerate(between) if m is not None and j != i) > 1.0
+        assert travel.at(point).to_rooms_m.tolist() == [layout.distance_to_room(point, r) for r in travel.rooms]
+
+
 def test_drives_end_within_the_robots_reach_unless_the_paper_is_followed_to_the_letter(
     travel: TravelModel, printed: TravelModel
 ) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -273,6 +275,33 @@ def test_bad_files_are_named(tmp_path: Path, content: bytes, words: str) -> None
     with pytest.raises(DataError, match=words) as caught:
         load_ontology(path)
     assert "broken.json" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("categories", "words"),
+    [
+        ([{"name": "a cup"}], "'a cup' cannot name a category"),
+        ([{"name": "robot"}], "'robot' cannot name a category"),
+        ([{"name": "cup"}, {"name": "cup"}], "the category 'cup' stands twice"),
+        ([{"name": "cup", "size_m": [0.1, -0.1, 0.1]}], "'cup' has the size_m"),
+        ([{"name": "cup", "size_m": [0.1, 0.1, 1000.1]}], "'cup' has the size_m"),
+        ([{"name": "cup", "mass_kg": -0.1}], "'cup' has the mass_kg -0.1"),
+        ([{"name": "cup", "mass_kg": 1e7}], "'cup' has the mass_kg"),
+    ],
+)
+def test_what_no_category_can_be_is_said_with_the_file(
+    tmp_path: Path, categories: list[dict[str, Any]], words: str
+) -> None:
+    path = tmp_path / "own.json"
+    plain = {"synset": "cup.n.01", "source": "tests"}
+    file = {"format": "gavel-ontology/1", "provenance": "drawn up", "categories": [plain | c for c in categories]}
+    path.write_text(json.dumps(file))
+    with pytest.raises(DataError, match=words) as caught:
+        load_ontology(path)
+    assert str(path) in str(caught.value)
+    file["categories"] = [plain | {"name": "cup", "size_m": [1000.0, 0.0, 1.0], "mass_kg": 1e6}]
+    path.write_text(json.dumps(file))
+    assert load_ontology(path).provenance == "drawn up"
 
 
 def test_missing_file_is_named(tmp_path: Path) -> None:

@@ -34,6 +34,21 @@ def test_a_category_inherits_and_differs() -> None:
     assert own["vial"].source == f"user, like {own.kinds('any_bottle')[0].name}"
 
 
+def test_it_does_not_matter_which_of_them_is_said_first() -> None:
+    vial, flask = {"like": "bottle", "mass_kg": 0.1}, {"like": "vial", "wipes": True}
+    own, turned = SHIPPED.extend({"vial": vial, "flask": flask}), SHIPPED.extend({"flask": flask, "vial": vial})
+    for name in ("vial", "flask"):
+        assert own[name] == turned[name]
+    assert turned["flask"].mass_kg == 0.1
+    assert turned["flask"].source == "user, like vial"
+    assert own.provenance == SHIPPED.provenance != ""
+
+
+def test_the_largest_and_heaviest_things_are_still_things() -> None:
+    own = SHIPPED.extend({"ship": {"size_m": [1000, 100, 1], "mass_kg": 1e6}})
+    assert (own["ship"].size_m, own["ship"].mass_kg) == ((1000.0, 100.0, 1.0), 1e6)
+
+
 def test_words_name_it_and_the_shipped_ones_stay_as_they_are() -> None:
     own = SHIPPED.extend({"vial": {"like": "bottle", "words": ["sample glass"]}})
     assert own.concepts.meaning("sample glasses").thing == "vial"
@@ -71,6 +86,10 @@ def test_a_file_says_the_same_as_a_table(tmp_path: Path, ending: str) -> None:
         ({"any_vial": {}}, r"\$\.categories\.any_vial"),
         ({"vial": []}, "categories"),
         ({"vial": {"size_m": [1]}}, "length 3"),
+        ({"vial": {"size_m": [1, 1, 0]}}, r"\$\.categories\.vial\.size_m: .*above 0, to 1000"),
+        ({"vial": {"size_m": [1000.1, 1, 1]}}, r"\$\.categories\.vial\.size_m: .*above 0, to 1000"),
+        ({"vial": {"mass_kg": 0}}, r"\$\.categories\.vial\.mass_kg: 0.*above 0, to 1e\+06"),
+        ({"vial": {"mass_kg": 1000000.5}}, r"\$\.categories\.vial\.mass_kg: .*above 0, to 1e\+06"),
     ],
 )
 def test_a_wrong_table_is_said_with_its_place(table: dict[str, Any], message: str) -> None:

@@ -11,7 +11,7 @@ import pytest
 from pyperplan.grounding import ground
 from pyperplan.pddl.parser import Parser
 from pyperplan.task import Operator, Task
-from support.worlds import kitchen, random_house_graph
+from support.worlds import build, kitchen, random_house_graph, restrict
 
 from gavel_env.house.scenes import BENCHMARK_HOUSES, scene_names
 from gavel_env.world_model import dynamics
@@ -124,6 +124,26 @@ def test_pyperplan_agrees_about_appliances_that_no_house_has() -> None:
     assert walk(draw, 150, 7, Profile.PAPER)[Primitive.PLACE_INSIDE] > 0
 
 
+FILLED = {
+    "dirty things in a dishwasher, one in another": {"bowl_0": "in dishwasher_0", "apple_0": "in bowl_0"},
+    "a lidded thing in a washer": {"backpack_0": "in washer_0"},
+    "food in a bowl in a running microwave": {"bowl_0": "in microwave_0", "apple_0": "in bowl_0"},
+    "a bag of food in an open fridge": {"backpack_0": "in fridge_0", "apple_0": "in backpack_0"},
+    "a bowl of food in the hand": {"bowl_0": "held", "apple_0": "in bowl_0"},
+}
+"""Where appliances act on what is in something in them, so that a fact is written of each."""
+
+
+@pytest.mark.parametrize("moved", FILLED.values(), ids=list(FILLED))
+@pytest.mark.parametrize("opened", [(), ("fridge_0", "dishwasher_0"), ("backpack_0", "fridge_0", "washer_0")])
+def test_pyperplan_agrees_about_what_is_in_appliances(moved: dict[str, str], opened: tuple[str, ...]) -> None:
+    flags = {"open": opened, "toggled": ("microwave_0", "stove_0"), "dirty": ("bowl_0", "apple_0", "textbook_0")}
+    graph = restrict(kitchen(moved, flags=flags), {*moved, "textbook_0", "fridge_0", "microwave_0", "dishwasher_0"})
+    for profile in Profile:
+        task = grounded(graph, profile)
+        assert compare(graph, task, frozenset(task.initial_state), profile)
+
+
 def test_pyperplan_agrees_on_a_whole_house() -> None:
     """One export of every object of a house with its own contents, not a random part of it."""
     from gavel_env.house.scenes import load_scene
@@ -171,3 +191,10 @@ def test_names_that_pddl_cannot_write_are_refused() -> None:
     broken = msgspec.structs.replace(graph, world=msgspec.structs.replace(graph.world, rooms=bad))
     with pytest.raises(PddlNameError, match="Große Küche"):
         export_pddl(broken)
+
+
+@pytest.mark.parametrize("name", ["kitchen--0", "salt-and-pepper", "nowhere", "start"])
+def test_names_that_the_export_uses_itself_are_refused(name: str) -> None:
+    assert export_pddl(build({"apple_0": "floor kitchen-0"}))
+    with pytest.raises(PddlNameError, match=f"'{name}' is not a PDDL name"):
+        export_pddl(build({"apple_0": f"floor {name}"}))
