@@ -119,12 +119,10 @@ class Simulator:
         """Draw a place per world: a room by belief and unseen share, then any of its points that hides something."""
         rooms = self.points.room
         size = np.bincount(rooms, minlength=belief.size)
-        share = np.bincount(rooms[hidden], minlength=belief.size) / np.maximum(size, 1)
-        mass = np.where(hidden, (belief * share)[rooms], 0.0)
-        inside = np.bincount(rooms, mass, minlength=belief.size)
-        mass = mass / np.maximum(size * share, 1e-12)[rooms]
-        if inside.sum() <= 0.0:  # nothing is hidden where it is believed to be
-            mass = (belief / np.maximum(size, 1))[rooms]
+        each = (belief / np.maximum(size, 1))[rooms]
+        mass = np.where(hidden, each, 0.0)
+        if mass.sum() <= 0.0:  # nothing is hidden where it is believed to be
+            mass = each
         if mass.sum() <= 0.0:
             mass = np.ones(len(rooms))
         order = np.argsort(rooms, kind="stable")

@@ -329,6 +329,8 @@ def test_further_conditions_are_part_of_the_goal() -> None:
         (["inside(napkin@kitchen, fridge)"], "unknown object 'napkin@kitchen'"),
         (["in_room(apple, bathroom)"], "unknown object 'bathroom'"),
         (["in_room(napkin, kitchen)"], "unknown object 'napkin'"),
+        (["in_room(apple, kitchen)", "on_top(napkin, stove)"], "unknown object 'napkin'.*on_top"),
+        (["on_top(apple@bathroom, napkin)"], "unknown object 'napkin'"),
         (["in_room(apple, kitchen)", "next_to(apple, napkin)"], "unknown object 'napkin'.*next_to"),
     ],
 )

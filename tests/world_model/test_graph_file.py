@@ -214,6 +214,17 @@ PLACES = [
 ]
 
 
+def test_a_hundred_things_may_stand_on_each_other_and_no_more() -> None:
+    def tower(height: int) -> dict[str, Any]:
+        stack = [{"id": f"t{i}", "category": "tray", "on_top": f"t{i - 1}" if i else "bench"} for i in range(height)]
+        return changed(("nodes",), [{"id": "bench", "category": "lab_table", "room": "lab"}, *reversed(stack)])
+
+    tall = {key: value for key, value in tower(100).items() if key not in ("next_to", "robot")}
+    assert SceneGraph.from_json(tall).room_of("t99") == "lab"
+    with pytest.raises(GavelError, match="'t100' stands on 101 others; at most 100"):
+        SceneGraph.from_json(tower(101))
+
+
 @settings(max_examples=120, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(PLACES), VALUES), min_size=1, max_size=3))
 def test_no_file_is_worse_than_a_typed_error(changes: list[tuple[tuple[str | int, ...], Any]]) -> None:

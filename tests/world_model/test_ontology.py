@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from gavel_env.errors import DataError, UnknownCategory
+from gavel_env.errors import DataError, UnknownCategory, UnknownConcept
 from gavel_env.tasks.evidence import load_evidence
 from gavel_env.world_model.ontology import (
     Category,
@@ -254,6 +254,8 @@ def test_unknown_category_offers_the_nearest(ontology: Ontology) -> None:
         ontology["frigde"]
     assert "fridge" in caught.value.nearest
     assert "frigde" not in ontology
+    with pytest.raises(UnknownConcept, match=r"any_bottel.*did you mean 'any_bottle'"):
+        ontology.kinds("any_bottel")
 
 
 def test_category_of_strips_the_index_only() -> None:

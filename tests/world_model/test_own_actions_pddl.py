@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from support.worlds import kitchen
 
@@ -80,6 +82,17 @@ def test_the_export_of_a_state_has_what_a_step_adds_and_deletes() -> None:
     effect = step.partition(":effect")[2]
     assert "(tried stove_0)" in effect
     assert "(not (half_done stove_0))" in effect
+
+
+def test_the_export_asks_what_is_around_a_thing_that_must_be_accessible_to_stand_open() -> None:
+    with registered(OwnAction("TRY", needs=("accessible(x)",), effects=("tried(x)",))):
+        domain = export_pddl(STATES[2]).domain
+    asked = {}
+    for text in domain.split("(:action try--")[1:]:
+        asked[text.partition("--")[0]] = set(re.findall(r"\(open (\w+)\)", text.partition(":effect")[0]))
+    assert asked["textbook_0"] == {"backpack_0", "fridge_0"}
+    assert asked["backpack_0"] == {"fridge_0"}
+    assert asked["fridge_0"] == asked["apple_0"] == set()
 
 
 def test_a_thing_whose_place_nobody_knows_is_exported_too() -> None:

@@ -104,3 +104,10 @@ def test_a_wrong_file_is_a_typed_error(tmp_path: Path) -> None:
             SHIPPED.extend(tmp_path / name)
     with pytest.raises(GavelError):
         SHIPPED.extend(tmp_path / "none.toml")
+
+
+def test_an_unknown_field_of_a_file_is_said_with_the_one_that_was_meant(tmp_path: Path) -> None:
+    path = tmp_path / "lab.toml"
+    path.write_text("[categories.vial]\nopneable = true\n")
+    with pytest.raises(CategoryError, match=r"lab\.toml is malformed: .*`opneable`.*did you mean openable"):
+        SHIPPED.extend(path)

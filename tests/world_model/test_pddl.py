@@ -129,8 +129,11 @@ FILLED = {
     "a lidded thing in a washer": {"backpack_0": "in washer_0"},
     "food in a bowl in a running microwave": {"bowl_0": "in microwave_0", "apple_0": "in bowl_0"},
     "a bag of food in an open fridge": {"backpack_0": "in fridge_0", "apple_0": "in backpack_0"},
+    "a lidded thing for a freezer without a door": {
+        "freezer_0": "floor kitchen_0", "steak_0": "in freezer_0", "apple_0": "in backpack_0", "backpack_0": "held",
+    },
     "a bowl of food in the hand": {"bowl_0": "held", "apple_0": "in bowl_0"},
-}
+}  # fmt: skip
 """Where appliances act on what is in something in them, so that a fact is written of each."""
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.worlds import kitchen, random_house_graph
+from support.worlds import build, kitchen, random_house_graph
 
 from gavel_env.errors import NotExpressible
 from gavel_env.world_model import dynamics
@@ -15,7 +15,8 @@ from gavel_env.world_model.actions import Action, Primitive
 from gavel_env.world_model.condition_text import parse_formula
 from gavel_env.world_model.dynamics import Profile
 from gavel_env.world_model.goals import Goal, parse_goal, unmet
-from gavel_env.world_model.graph import SceneGraph
+from gavel_env.world_model.graph import Node, SceneGraph
+from gavel_env.world_model.ontology import default_ontology
 from gavel_env.world_model.planning_task import (
     Expression,
     PlanningTask,
@@ -188,6 +189,85 @@ def test_names_that_pddl_cannot_write_are_replaced_and_found_again() -> None:
     assert "@" not in task.problem
     [written] = [w for w, identifier in task.things.items() if identifier == "fridge@kitchen"]
     assert task.action("place-on-top", ["x", written]) == Action(Primitive.PLACE_ON_TOP, "fridge@kitchen")
+
+
+KINDS = {
+    "fridge_0": {"fixed", "surface", "interior", "floor-mounted", "door", "freezes", "heatable", "freezable"},
+    "cooler_0": {"fixed", "surface", "interior", "floor-mounted", "door", "heatable", "freezable"},
+    "oven_0": {
+        *("fixed", "surface", "interior", "floor-mounted", "door", "switch", "heats", "heats-when-shut"),
+        *("heatable", "freezable"),
+    },
+    "dishwasher_0": {
+        *("fixed", "surface", "interior", "floor-mounted", "door", "switch", "needs-shut", "washes"),
+        *("heatable", "freezable"),
+    },
+    "clothes_dryer_0": {
+        *("fixed", "surface", "interior", "floor-mounted", "door", "switch", "needs-shut", "dries"),
+        *("heatable", "freezable"),
+    },
+    "stove_0": {"fixed", "surface", "floor-mounted", "switch", "heats", "heats-on-top"},
+    "furniture_sink_0": {
+        *("fixed", "surface", "interior", "floor-mounted", "switch", "clearance", "rinses", "heatable", "freezable"),
+    },
+    "breakfast_table_0": {"fixed", "surface", "floor-mounted", "clearance"},
+    "backpack_0": {"loose", "surface", "interior", "floor-mounted", "door", "wipes", "heatable", "freezable"},
+    "apple_0": {"loose", "floor-mounted", "cookable", "heatable", "freezable"},
+}
+
+
+@pytest.mark.parametrize("profile", Profile)
+def test_what_never_changes_is_what_categories_afford(profile: Profile) -> None:
+    moved = dict.fromkeys(KINDS, "floor kitchen_0")
+    facts = {fact for fact in planning_task(kitchen(moved), Goal(), profile).init if fact[0] not in CHANGING}
+    for name, kinds in KINDS.items():
+        assert {head for head, *about in facts if about == [name]} == kinds, name
+    assert (("full-hand-may-operate",) in facts) == (profile is Profile.PAPER)
+
+
+def test_a_state_is_written_with_all_that_follows_from_who_holds_whom() -> None:
+    graph = build(
+        {
+            "fridge_0": "floor kitchen_0", "backpack_0": "in fridge_0", "textbook_0": "in backpack_0",
+            "bowl_0": "held", "apple_0": "on bowl_0", "armchair_0": "floor hall_0",
+        },
+        near=("fridge_0",), robot_room="kitchen_0", flags={"open": ["backpack_0"], "dirty": ["bowl_0"]},
+        next_to=[("armchair_0", "fridge_0"), ("fridge_0", "oven_0")],
+    ).with_nodes({"mug_0": Node("mug_0", default_ontology()["mug"], False)})  # fmt: skip
+    everything = list(graph.world.nodes)
+    assert set(state_of(graph, everything)) == {
+        ("holding", "bowl_0"), ("robot-in", "kitchen_0"), ("near", "fridge_0"),
+        *((relation, o, o) for o in everything for relation in ("aboard", "rides")),
+        ("lies", "fridge_0"), ("on-floor", "fridge_0", "kitchen_0"), ("in-room", "fridge_0", "kitchen_0"),
+        ("shut", "fridge_0"), ("next-to", "armchair_0", "fridge_0"), ("next-to", "fridge_0", "armchair_0"),
+        ("lies", "armchair_0"), ("on-floor", "armchair_0", "hall_0"), ("in-room", "armchair_0", "hall_0"),
+        ("inside", "backpack_0", "fridge_0"), ("rides", "backpack_0", "fridge_0"), ("aboard", "backpack_0", "fridge_0"),
+        ("in-room", "backpack_0", "kitchen_0"), ("opened", "backpack_0"),
+        ("inside", "textbook_0", "backpack_0"), ("rides", "textbook_0", "backpack_0"),
+        ("rides", "textbook_0", "fridge_0"), ("aboard", "textbook_0", "backpack_0"),
+        ("aboard", "textbook_0", "fridge_0"), ("in-room", "textbook_0", "kitchen_0"),
+        ("carried", "bowl_0"), ("dirty", "bowl_0"),
+        ("on-top", "apple_0", "bowl_0"), ("rides", "apple_0", "bowl_0"), ("aboard", "apple_0", "bowl_0"),
+        ("carried", "apple_0"), ("lies", "mug_0"),
+    }  # fmt: skip
+    few = set(state_of(graph, ["textbook_0", "fridge_0"]))
+    assert few == {
+        ("holding", "bowl_0"), ("robot-in", "kitchen_0"), ("near", "fridge_0"), ("shut", "fridge_0"),
+        ("lies", "fridge_0"), ("on-floor", "fridge_0", "kitchen_0"), ("in-room", "fridge_0", "kitchen_0"),
+        ("aboard", "fridge_0", "fridge_0"), ("rides", "fridge_0", "fridge_0"),
+        ("aboard", "textbook_0", "textbook_0"), ("rides", "textbook_0", "textbook_0"),
+        ("rides", "textbook_0", "fridge_0"), ("aboard", "textbook_0", "fridge_0"),
+        ("in-room", "textbook_0", "kitchen_0"),
+    }  # fmt: skip
+
+
+def test_a_condition_of_an_unknown_kind_is_named() -> None:
+    class Odd:
+        def __str__(self) -> str:
+            return "three apples in a row"
+
+    with pytest.raises(NotExpressible, match="condition three apples in a row is of a kind"):
+        planning_task(kitchen(), Goal((), (Odd(),)))  # type: ignore[arg-type]
 
 
 def test_too_many_cases_are_refused() -> None:
