@@ -113,12 +113,12 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     @property
     def washable(self) -> bool:
-        """True if people have instances washed and dried: what is carried, has no switch and is not cooked.
+        """True if people have instances washed and dried: what is carried and has no switch.
 
         BEHAVIOR annotates neither, so this is a rule of this project. It bounds what goals may ask for, not what
         becomes of things that are in a machine.
         """
-        return self.liftable and not self.toggleable and not self.cookable
+        return self.liftable and not self.toggleable
 
     def is_a(self, name: str) -> bool:
         """Return whether `name` is this category or a concept that it belongs to."""

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from gavel_env.errors import InstructionError, UnknownScene
+from gavel_env.instructions.vocabulary import default_vocabulary
 from gavel_env.tasks.assembly import assemble, initial_graph
 from gavel_env.tasks.drafts import Draft, pair_split
 from gavel_env.tasks.errands import Errand
@@ -22,6 +23,7 @@ from gavel_env.tasks.recipes import HOUSES, house_names
 from gavel_env.tasks.shapes import SHAPES, draw_errand
 from gavel_env.tasks.statistics import CONFERRED
 from gavel_env.world_model.goals import parse_goal
+from gavel_env.world_model.ontology import default_ontology
 
 # Pomaria_1_int has every appliance, so it affords every shape.
 HOUSE = "Pomaria_1_int"
@@ -229,3 +231,9 @@ def test_a_house_without_a_map_serves_pairs() -> None:
     errand = draw_errand(Draft(house, np.random.default_rng(0)), "to_support")
     assert errand is not None
     assert parse_goal(errand.goal).literals
+
+
+def test_what_is_drawn_to_be_washed_or_dried_may_be_asked_for() -> None:
+    drawn = [name for name, noun in default_vocabulary().movables.items() if noun.theme in ("dish", "tray", "laundry")]
+    assert len(drawn) > 50
+    assert all(default_ontology()[name].washable for name in drawn)

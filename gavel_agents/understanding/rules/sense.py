@@ -54,7 +54,8 @@ _WASHED = ("laundry", "dish", "tray", "bath", "toy", "household")
 def _washable(category: Category) -> bool:
     """Return whether people have things of a category washed: nothing of paper or to eat either."""
     said = default_vocabulary().movables.get(category.name)
-    return category.washable and category.graspable and (said is None or said.theme in _WASHED)
+    fitting = said.theme in _WASHED if said is not None else not category.cookable
+    return category.washable and category.graspable and fitting
 
 
 def _edible(category: Category) -> bool:
