@@ -20,7 +20,7 @@ from typing import NamedTuple
 from gavel_env.errors import BadOwnAction, nearest_names
 from gavel_env.world_model import actions, goals
 from gavel_env.world_model import dynamics as d
-from gavel_env.world_model.actions import Action, Primitive
+from gavel_env.world_model.actions import Primitive
 from gavel_env.world_model.dynamics import Check, OwnRule, Violation, ViolationKind
 from gavel_env.world_model.goals import Predicate
 from gavel_env.world_model.graph import OWN_FLAGS, Flag, Relation, SceneGraph, all_flags
@@ -302,8 +302,3 @@ def violation_of(graph: SceneGraph, need: Need) -> Violation | None:
     else:
         holds = graph.has(Flag[need.name.upper()], subject) != need.negated
     return None if holds else Violation(d.PRECONDITION, subject, need.text)
-
-
-def bound(action: Action) -> Mapping[str, str]:
-    """Return parameter -> argument of a step of one's own."""
-    return dict(zip(_OWN[action.primitive].parameters, action.arguments, strict=True))

@@ -142,6 +142,23 @@ def test_exactly_means_exactly() -> None:
     assert counts == [2]
 
 
+@pytest.mark.parametrize(
+    ("bowls", "met"),
+    [
+        ({"apple_0": "in bowl_0", "apple_1": "in bowl_1"}, True),
+        ({"apple_0": "in bowl_1", "apple_1": "in bowl_0"}, True),
+        ({"apple_0": "in bowl_0", "apple_1": "in bowl_0"}, False),  # every apple is in a bowl, not every bowl has one
+        ({"apple_0": "in bowl_0", "apple_1": "on stove_0"}, False),
+    ],
+)
+def test_pairs_leave_nothing_over_on_either_side(bowls: dict[str, str], met: bool) -> None:
+    graph = kitchen({"bowl_1": "on stove_0", **bowls})
+    text = "(forpairs (?x apple_0 apple_1) (?y bowl_0 bowl_1) (inside ?x ?y))"
+    assert parse_formula(text).holds(graph) == met
+    turned = "(forpairs (?y bowl_0 bowl_1) (?x apple_0 apple_1) (inside ?x ?y))"
+    assert parse_formula(turned).holds(graph) == met
+
+
 def test_within_reaches_through_what_holds_a_thing_and_inside_does_not() -> None:
     graph = kitchen({"bowl_0": "in fridge_0", "apple_0": "in bowl_0"})
     assert parse_formula("(within apple_0 fridge_0)").holds(graph)
@@ -158,6 +175,12 @@ def test_within_reaches_through_what_holds_a_thing_and_inside_does_not() -> None
         ("(imply (open fridge_0) (open oven_0))", False),
         ("(exists (?x oven_0) (open ?x))", False),
         ("(open fridge)", True),
+        ("(or (and (open fridge_0) (dirty oven_0)) (dirty fridge_0))", True),
+        ("(or (and (not (open fridge_0)) (dirty oven_0)) (dirty fridge_0))", False),
+        ("(not (and (open fridge_0) (dirty oven_0)))", False),
+        ("(not (or (dirty oven_0) (and (dirty fridge_0) (not (open fridge_0)))))", True),
+        ("(forn (1) (?x oven_0 fridge_0) (and (open ?x) (dirty ?x)))", True),
+        ("(forpairs (?x oven_0) (?y fridge_0) (and (open ?y) (dirty ?x)))", True),
         ("(toggled fridge_0)", False),
     ],
 )
@@ -177,7 +200,21 @@ def test_plain_conjunctions_become_literals_and_others_do_not() -> None:
         "inside(cup_1, box_0)",
         "cooked(egg_0)",
     ]
-    for text in ("(or (open cup_0) (open box_0))", "(on_floor cup_0 kitchen_0)", "(exists (?x cup_0) (open ?x))"):
+    pairs = plain_literals(
+        parse_formula("(forall (?x box_0 box_1) (forall (?y cup_0 cup_1) (and (on_top ?x ?y) (open cup_0) (open ?x))))")
+    )
+    assert pairs is not None
+    assert [str(literal) for literal in pairs] == [
+        "on_top(box_0, cup_0)", "open(cup_0)", "open(box_0)", "on_top(box_0, cup_1)",
+        "on_top(box_1, cup_0)", "open(box_1)", "on_top(box_1, cup_1)",
+    ]  # fmt: skip
+    for text in (
+        "(or (open cup_0) (open box_0))",
+        "(on_floor cup_0 kitchen_0)",
+        "(exists (?x cup_0) (open ?x))",
+        "(and (open cup_0) (forall (?x cup_0) (or (open ?x) (open box_0))))",
+        "(not (and (open cup_0) (open box_0)))",
+    ):
         assert plain_literals(parse_formula(text)) is None
 
 

@@ -171,12 +171,28 @@ def test_dirt_comes_off_by_wiping_and_rinsing() -> None:
     ontology = default_ontology()
     wiper = next(c.name for c in ontology.values() if c.wipes and c.graspable)
     rinser = next(c.name for c in ontology.values() if c.rinses and c.toggleable and c.interior and not c.openable)
-    places = {f"{wiper}_0": "held", f"{rinser}_0": "floor kitchen_0", "bowl_0": f"in {rinser}_0"}
-    graph = kitchen(places, flags={"dirty": ("bowl_0", "countertop_0", "stove_0")})
+    places = {
+        f"{wiper}_0": "held", f"{rinser}_0": "floor kitchen_0", "bowl_0": f"in {rinser}_0", "mug_0": f"on {rinser}_0",
+    }  # fmt: skip
+    graph = kitchen(places, flags={"dirty": ("bowl_0", "countertop_0", "stove_0", "mug_0")})
     graph = run(graph, "PLACE_ON_TOP(countertop_0)", f"TOGGLE_ON({rinser}_0)")
-    assert graph.flags[Flag.DIRTY] == {"stove_0"}
+    assert graph.flags[Flag.DIRTY] == {"stove_0", "mug_0"}  # nothing runs over what stands beside the basin
     clean_hand = kitchen({"apple_0": "held"}, flags={"dirty": ("countertop_0",)})
     assert run(clean_hand, "PLACE_ON_TOP(countertop_0)").flags[Flag.DIRTY] == {"countertop_0"}
+
+
+def test_a_thing_is_put_elsewhere_or_nowhere_and_its_holder_knows() -> None:
+    graph = kitchen()
+    moved = graph.place("bowl_0", Support(Relation.INSIDE, "fridge_0"))
+    assert moved.supports["bowl_0"] == (Relation.INSIDE, "fridge_0")
+    assert moved.contents["fridge_0"] == ("bowl_0", "steak_0")
+    assert moved.contents["breakfast_table_0"] == ("backpack_0",)
+    lost = graph.place("textbook_0", None)
+    assert "textbook_0" not in lost.supports
+    assert "backpack_0" not in lost.contents
+    assert lost.room_of("textbook_0") is None
+    assert graph.room_of("textbook_0") == "kitchen_0"
+    assert lost.place("textbook_0", Support(Relation.INSIDE, "backpack_0")) == graph
 
 
 def test_rollout_stops_at_the_first_violation_and_says_the_step() -> None:

@@ -119,6 +119,10 @@ def test_networkx_may_be_written_by_hand() -> None:
     drawn.add_edge("mug", "lab", relation="above")
     with pytest.raises(GraphError, match="unknown relation 'above'"):
         SceneGraph.from_networkx(drawn)
+    drawn.add_edge("mug", "lab")
+    del drawn.edges["mug", "lab"]["relation"]
+    with pytest.raises(GraphError, match="unknown relation ''"):
+        SceneGraph.from_networkx(drawn)
 
 
 WRONG = [

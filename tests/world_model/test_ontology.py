@@ -254,6 +254,9 @@ def test_unknown_category_offers_the_nearest(ontology: Ontology) -> None:
         ontology["frigde"]
     assert "fridge" in caught.value.nearest
     assert "frigde" not in ontology
+    alone = Ontology((ontology["mug"],))
+    with pytest.raises(UnknownConcept, match=r"'any_bottle'.* this ontology"):
+        alone.kinds("any_bottle")
     with pytest.raises(UnknownConcept, match=r"any_bottel.*did you mean 'any_bottle'"):
         ontology.kinds("any_bottel")
 

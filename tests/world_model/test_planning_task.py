@@ -142,6 +142,10 @@ CONDITIONS = [
     "(within apple_0 fridge_0)",
     "(next_to bowl_0 backpack_0)",
     "(next_to apple_0 bowl_0)",
+    "(under bowl_0 breakfast_table_0)",
+    "(under textbook_0 breakfast_table_0)",
+    "(under bookcase_0 breakfast_table_0)",
+    "(under bookcase_0 oven_0)",
     "(in_room textbook_0 kitchen)",
     "(in_room textbook_0 living_room)",
     "(on_floor fridge_0 kitchen_0)",
@@ -156,7 +160,8 @@ CONDITIONS = [
 
 @pytest.mark.parametrize("text", CONDITIONS)
 def test_conditions_mean_in_pddl_what_they_mean_here(text: str) -> None:
-    graph = kitchen()
+    beside = [("bookcase_0", "breakfast_table_0"), ("bookcase_0", "oven_0"), ("breakfast_table_0", "textbook_0")]
+    graph = kitchen(next_to=beside)
     goal = Goal((), (parse_formula(text),))
     task = planning_task(graph, goal)
     assert holds(task, task.goal) == (not unmet(goal, graph))

@@ -14,7 +14,7 @@ from gavel_env.world_model.actions import Action, parse_action
 from gavel_env.world_model.dynamics import Profile, ViolationKind, rollout, unsafe
 from gavel_env.world_model.goals import Goal, parse_goal, unmet
 from gavel_env.world_model.graph import Flag
-from gavel_env.world_model.verdict import Rank, Verdict, validate
+from gavel_env.world_model.verdict import Rank, Verdict, shortfall, validate
 
 GOAL = parse_goal(["on_top(steak, breakfast_table)"])
 GOOD = "NAVIGATE_TO(fridge_0) OPEN(fridge_0) GRASP(steak_0) CLOSE(fridge_0) NAVIGATE_TO(breakfast_table_0) PLACE_ON_TOP(breakfast_table_0)"  # noqa: E501
@@ -52,6 +52,20 @@ def test_an_unmet_goal_is_listed() -> None:
     assert verdict.app
     assert [str(lit) for lit in verdict.unmet] == ["on_top(steak, breakfast_table)"]
     assert not verdict.valid
+
+
+def test_a_shortfall_says_what_is_unmet_then_what_is_left_open_or_on() -> None:
+    start = kitchen(near=())
+    end = kitchen(flags={"open": ["fridge_0"], "toggled": ["stove_0"]})
+    lacking = shortfall(start, end, GOAL)
+    assert lacking.reasons() == [
+        "unmet on_top(steak, breakfast_table)", "left open: fridge_0", "left on: stove_0",
+    ]  # fmt: skip
+    assert lacking
+    assert shortfall(start, end, "on_top(apple, countertop)")
+    assert shortfall(start, start, GOAL)
+    assert not shortfall(start, start, "on_top(apple, countertop)")
+    assert not shortfall(end, end, "on_top(apple, countertop)")  # what was open and on may stay so
 
 
 def test_what_is_left_open_is_listed() -> None:
