@@ -26,6 +26,8 @@ from gavel_env.errors import GavelError, WorkerFailed
 __all__ = ["groups_of", "run_episodes"]
 
 _STARTS_WITHOUT_AN_EPISODE = 3
+"""In a row, after which a run ends."""
+
 _GRACE_S = 2.0
 """A worker ends an overdue episode itself between two actions; one that has not done so by then hangs."""
 
@@ -227,6 +229,8 @@ class _Pool:
             return
         if kind == "refused":
             raise WorkerFailed(content)
+        if kind == "ready":
+            self._failed_starts = 0
         if kind == "finished":
             del worker.running[number]
             yield content

@@ -14,11 +14,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
+from support.timeless import timeless, timeless_csv
 
 from eval.cli import main
 from eval.records.journal import RecordFile, read_records
+from eval.records.schema import EpisodeKey, EpisodeRecord
 from eval.report.formats import to_csv
 from eval.report.tables import results
 from eval.run.contestants import choose
@@ -40,19 +41,8 @@ def planned(agents: list[str], sampled: int) -> Schedule:
     return schedule(contestants, [file], sampled=sampled, settings=SETTINGS, plugins=[PLUGIN])
 
 
-def timeless(files: RecordFile) -> dict[Any, Any]:
-    return {
-        key: msgspec.structs.replace(
-            record, seconds={}, finished="", trace=msgspec.structs.replace(record.trace, seconds={})
-        )
-        for key, record in files.records.items()
-    }
-
-
-def without_times(text: str) -> list[list[str]]:
-    rows = [line.split(",") for line in text.splitlines()]
-    drop = {i for i, name in enumerate(rows[0]) if name.startswith("planning_s")}
-    return [[cell for i, cell in enumerate(row) if i not in drop] for row in rows]
+def compared(file: RecordFile) -> dict[EpisodeKey, EpisodeRecord]:
+    return {key: timeless(record) for key, record in file.records.items()}
 
 
 class Nodes:
@@ -143,8 +133,8 @@ class TestRay:
         there = run(plan, tmp_path / "there", executor="ray", address=cluster.address, connections=2, report=report)
         assert killed
         first, second = read_records([here]), read_records([there])
-        assert timeless(first) == timeless(second)
-        assert without_times(to_csv(results(first))) == without_times(to_csv(results(second)))
+        assert compared(first) == compared(second)
+        assert timeless_csv(to_csv(results(first))) == timeless_csv(to_csv(results(second)))
 
     def test_an_agent_that_kills_its_worker_is_counted_and_a_run_resumes(self, cluster: Nodes, tmp_path: Path) -> None:
         plan = planned(["killed", "teacher"], 4)
@@ -182,6 +172,6 @@ def test_shards_are_put_together_to_the_whole(tmp_path: Path, capsys: pytest.Cap
         assert all(sum(k.instruction == key.instruction for k in found) == 3 for key in found)
     capsys.readouterr()
     assert main(["tables", *map(str, parts), "--format", "csv"]) == 0
-    assert without_times(capsys.readouterr().out) == without_times(whole)
+    assert timeless_csv(capsys.readouterr().out) == timeless_csv(whole)
     with pytest.raises(SystemExit):
         main([*command, "--out", str(tmp_path / "x"), "--shard", "4/3"])

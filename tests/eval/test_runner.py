@@ -1,13 +1,8 @@
-"""The runner: every episode ends in a record, whoever crashes; killed runs resume; workers change nothing."""
+"""The runner: every episode ends in a record, whoever crashes; workers change nothing."""
 
 from __future__ import annotations
 
 import itertools
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import msgspec
@@ -15,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.timeless import timeless
 
 from eval.records.journal import read_records
 from eval.records.sampling import sample
@@ -28,7 +24,6 @@ from gavel_agents.llm.replay import ShippedRecording
 from gavel_env.errors import BadOption, DataError, GavelError, UnknownAgent
 from gavel_env.instructions.record import InstructionSet, read_instructions, shipped
 
-ROOT = Path(__file__).parents[2]
 PLUGIN = "tests.support.eval_agents"
 SETTINGS = EnvironmentSettings(max_steps=40)
 
@@ -51,10 +46,6 @@ def scheduled(path: Path, *agents: str, seeds: tuple[int, ...] = (0,), limit: in
 
 def outcomes(path: Path) -> list[str]:
     return sorted(record.failure or "success" for record in read_records([path]).records.values())
-
-
-def timeless(record: EpisodeRecord) -> EpisodeRecord:
-    return msgspec.structs.replace(record, seconds={}, finished="")
 
 
 @pytest.mark.parametrize(
@@ -155,35 +146,6 @@ def test_results_do_not_depend_on_workers_seeds_order_or_process(instructions: P
     for key, record in first.records.items():
         assert timeless(record) == timeless(second.records[key])
     assert to_csv(results(first)) == to_csv(results(second))
-
-
-def test_a_killed_run_resumes_and_ends_in_the_same_table(instructions: Path, tmp_path: Path) -> None:
-    command = [
-        sys.executable, "-m", "eval", "eval", "--plugin", PLUGIN, "--agents", "slow,lazy", "--instructions",
-        str(instructions), "--max-steps", "40", "--format", "csv", "--out",
-    ]  # fmt: skip
-    whole = subprocess.run([*command, str(tmp_path / "whole")], cwd=ROOT, capture_output=True, text=True, check=True)
-    path = tmp_path / "killed" / "records.jsonl"
-    process = subprocess.Popen(
-        [*command, str(tmp_path / "killed")], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    while process.poll() is None and not (path.exists() and path.read_bytes().count(b"\n") >= 5):
-        time.sleep(0.02)
-    os.kill(process.pid, signal.SIGKILL)
-    assert process.wait() == -signal.SIGKILL
-    done = read_records([path]).records
-    assert 4 <= len(done) < 12
-    with path.open("ab") as file:
-        file.write(b'{"schema":"gavel-record/1","seed":0,"instr')  # what a power cut leaves
-    resumed = subprocess.run(
-        [*command, str(tmp_path / "killed"), "--resume"], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    assert f"{len(done)} of 12 episodes have records already" in resumed.stderr
-    assert resumed.stdout == whole.stdout
-    after = read_records([path])
-    assert not after.damaged
-    assert len(after.records) == 12
-    assert all(after.records[key] == record for key, record in done.items())
 
 
 def test_existing_records_are_refused_continued_or_set_aside(instructions: Path, tmp_path: Path) -> None:

@@ -1,130 +1,197 @@
-"""Killed at any moment and gone on with: evaluations, their workers, and recordings lose nothing and end the same."""
+"""Runs, workers and recordings that are killed at any moment: nothing is lost, and going on ends in the same."""
 
 from __future__ import annotations
 
+import contextlib
+import itertools
+import json
+import multiprocessing
 import os
 import random
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import pytest
 from support.hostile import times
+from support.killed import Moment
+from support.timeless import timeless, timeless_csv
 
 from eval.records.conversations import read_conversations
 from eval.records.journal import read_records
-from eval.records.schema import EpisodeRecord
+from eval.records.schema import EpisodeKey, EpisodeRecord, Usage
+from eval.report.formats import to_csv
+from eval.report.tables import results
+from eval.run.contestants import choose
+from eval.run.episodes import EnvironmentSettings
+from eval.run.rig import import_plugins
+from eval.run.runner import run, schedule
+from gavel_agents.llm.replay import Recorded, ReplayModel, read_recording
+from gavel_env.errors import WorkerFailed
 from gavel_env.instructions.record import read_instructions, shipped
 
 pytestmark = pytest.mark.hostile
 
 ROOT = Path(__file__).parents[2]
-DYING = "tests.support.dying"
-KILLED = -signal.SIGKILL
+PLUGIN = "tests.support.eval_agents"
+PLANNER = "simulated:qwen3-8b"
+AGENTS = ("lazy", "asking", "gavel-full")
+"""One that runs beside the runner, one in a process of its own that asks a model, one of the methods."""
 
-
-def gavel(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    program = f"import sys, {DYING}; from eval.cli import main; sys.exit(main(sys.argv[1:]))"
-    return subprocess.run(
-        [sys.executable, "-c", program, *arguments],
-        cwd=ROOT, env=os.environ | environment, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+IN_A_ROW = times(2, 5)
+"""Kills, before a run may go on to its end."""
 
 
 @pytest.fixture(scope="module")
-def instructions(tmp_path_factory: pytest.TempPathFactory) -> str:
-    path = tmp_path_factory.mktemp("few") / "few.jsonl"
-    every = read_instructions(shipped("single")).values()
-    few = [r for r in every if r.scene == "Rs_int"][:3]
-    path.write_bytes(b"".join(msgspec.json.encode(r) + b"\n" for r in few))
-    return str(path)
+def five(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Five instructions."""
+    records = list(read_instructions(shipped("single")).values())[:5]
+    path = tmp_path_factory.mktemp("instructions") / "five.jsonl"
+    path.write_bytes(b"".join(msgspec.json.encode(record) + b"\n" for record in records))
+    return path
 
 
-def moments(folder: Path, command: list[str], count: int, seed: int) -> Iterator[dict[str, str]]:
-    """Run a command whole, and yield for some of its moments what makes it die there."""
-    counted = folder / "moments"
-    done = gavel(*command, GAVEL_TEST_MOMENTS=str(counted))
+def gavel(moment: Moment, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run a command that is killed at a moment; returns once all of its processes have closed their output."""
+    return subprocess.run(
+        [sys.executable, "-m", "tests.support.killed", msgspec.json.encode(moment).decode(), *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def to_its_end(*arguments: str) -> tuple[str, dict[str, int]]:
+    """Run a command; return what it printed, and how many moments it had."""
+    done = gavel(Moment("event", 0), *arguments)
     assert done.returncode == 0, done.stderr
-    last = int(counted.read_text())
-    rng = random.Random(seed)
-    for moment in sorted(rng.sample(range(1, last + 1), count)) if count <= last else range(1, last + 1):
-        yield {"GAVEL_TEST_DIES": str(moment), "GAVEL_TEST_CUT": str(rng.random())}
+    return done.stdout, json.loads(done.stderr.splitlines()[-1])
 
 
-def timeless(records: dict[Any, EpisodeRecord]) -> dict[Any, EpisodeRecord]:
-    """Return records without what differs from run to run: seconds."""
+def moments(seed: int, counted: dict[str, int]) -> Iterator[Moment]:
+    """Yield moments without end, in turn within a write and at an event."""
+    drawn = random.Random(seed)
+    while True:
+        yield Moment("write", drawn.randint(1, counted["write"] // 2), drawn.random())
+        yield Moment("event", drawn.randint(1, counted["event"] // 2))
+
+
+def written(out: Path) -> dict[EpisodeKey, EpisodeRecord]:
+    """Return the records of a run, of which nothing but the last line may be torn."""
+    path = out / "records.jsonl"
+    if not path.exists() or b"\n" not in path.read_bytes():
+        return {}
+    file = read_records([path])
+    assert all(reason.endswith("torn last line") for reason in file.damaged)
     return {
-        key: msgspec.structs.replace(
-            record, seconds={}, finished="", trace=msgspec.structs.replace(record.trace, seconds={})
-        )
-        for key, record in records.items()
+        key: msgspec.structs.replace(timeless(record), usage=Usage())  # who of several really asked is chance
+        for key, record in file.records.items()
     }
 
 
-def found(folder: Path) -> dict[Any, EpisodeRecord]:
-    files = read_records([folder])
-    assert not files.damaged
-    stored = read_conversations([folder])
-    assert all(call in stored for record in files.records.values() for call in record.calls)
-    return timeless(dict(files.records))
-
-
-def evaluation(instructions: str, out: Path, *more: str) -> list[str]:
-    return [
-        "eval", "--agents", "epog,llm-only", "--instructions", instructions, "--planner", "simulated:qwen3-8b",
-        "--out", str(out), *more,
+def test_a_run_killed_at_any_moment_goes_on_to_the_same_table(five: Path, tmp_path: Path) -> None:
+    command = [
+        "eval", "--plugin", PLUGIN, "--agents", ",".join(AGENTS), "--planner", PLANNER, "--instructions", str(five),
+        "--format", "csv", "--quiet",
     ]  # fmt: skip
+    how = (["--workers", "1"], ["--workers", "2"], ["--connections", "3"])
+    table, counted = to_its_end(*command, "--out", str(tmp_path / "whole"))
+    expected = written(tmp_path / "whole")
+    assert len(expected) == 15
+    at = moments(86, counted)
+    kills = 0
+    for series in itertools.count():
+        if kills >= times(2, 86):
+            break
+        out = tmp_path / str(series)
+        here = [*command, *how[series % len(how)], "--out", str(out), "--resume"]
+        for moment in itertools.islice(at, IN_A_ROW):
+            before = written(out)
+            done = gavel(moment, *here)
+            if done.returncode == 0:
+                break
+            assert done.returncode == -signal.SIGKILL, (moment, done.stderr)
+            kills += 1
+            assert written(out).items() >= before.items(), moment
+        assert timeless_csv(to_its_end(*here)[0]) == timeless_csv(table)
+        assert written(out) == expected
+        said = read_conversations([out])
+        assert not said.damaged
+        calls = [call for record in expected.values() for call in record.calls]
+        assert calls
+        assert all(said.get(call) for call in calls)
 
 
-def test_an_evaluation_killed_at_any_moment_goes_on_to_the_same_table(instructions: str, tmp_path: Path) -> None:
-    whole, tables = tmp_path / "whole", 0
-    dying = moments(tmp_path, evaluation(instructions, whole), times(3, 86), seed=1)
-    for number, death in enumerate(dying):
-        out = tmp_path / f"killed-{number}"
-        assert gavel(*evaluation(instructions, out), **death).returncode == KILLED
-        kept = dict(read_records([out]).records) if (out / "records.jsonl").stat().st_size else {}
-        resumed = gavel(*evaluation(instructions, out, "--resume"))
-        assert resumed.returncode == 0, resumed.stderr
-        assert found(out) == found(whole)
-        after = read_records([out]).records
-        assert all(after[key] == record for key, record in kept.items()), "what was done is not done again"
-        tables += 1
-    assert tables == times(3, 86)
+def test_killed_workers_cost_the_episodes_that_they_had_begun(five: Path, tmp_path: Path) -> None:
+    import_plugins([PLUGIN])
+    settings = EnvironmentSettings()
+    contestants = choose(AGENTS, settings, planners=[PLANNER])
+    seeds = range(times(1, 2))
+    plan = schedule(contestants, [read_instructions(five)], seeds, settings=settings, plugins=[PLUGIN])
+    table = to_csv(results(read_records([run(plan, tmp_path / "whole")])))
+    expected = written(tmp_path / "whole")
+    drawn = random.Random(63)
+    kills = 0
+
+    def kill(_: EpisodeRecord) -> None:
+        nonlocal kills
+        workers = sorted(multiprocessing.active_children(), key=lambda worker: worker.pid or 0)
+        if workers and kills < times(1, 63) and drawn.random() < 0.3:
+            time.sleep(0.02 * drawn.random())  # somewhere in the next episode, or between two
+            os.kill(drawn.choice(workers).pid or 0, signal.SIGKILL)
+            kills += 1
+
+    for series in itertools.count():
+        if kills >= times(1, 63):
+            break
+        out, before = tmp_path / str(series), kills
+        while written(out).keys() != expected.keys():
+            with contextlib.suppress(WorkerFailed):  # three of them in a row while they started
+                run(plan, out, existing="resume", workers=2, connections=(2, 6)[series % 2], report=kill)
+        found = written(out)
+        died = {key for key, record in found.items() if record.failure == "error:worker_died"}
+        assert len(died) <= kills - before
+        assert all(found[key] == expected[key] for key in found.keys() - died)
+        path = run(plan, out, existing="resume", retry=("error",))
+        assert written(out) == expected
+        assert timeless_csv(to_csv(results(read_records([path])))) == timeless_csv(table)
 
 
-def test_a_killed_worker_costs_the_episode_that_it_was_in(instructions: str, tmp_path: Path) -> None:
-    whole = tmp_path / "whole"
-    assert gavel(*evaluation(instructions, whole)).returncode == 0
-    expected, rng, died = found(whole), random.Random(2), 0
-    for number in range(times(1, 63)):
-        out, once = tmp_path / f"out-{number}", tmp_path / f"once-{number}"
-        death = {"GAVEL_TEST_DIES": str(rng.randint(1, 12)), "GAVEL_TEST_ONCE": str(once)}
-        done = gavel(*evaluation(instructions, out, "--workers", "2", "--plugin", DYING), **death)
-        died += once.exists()
-        if done.returncode == KILLED:  # it was the runner
-            done = gavel(*evaluation(instructions, out, "--resume"))
-        assert done.returncode == 0, done.stderr
-        records = found(out)
-        lost = {key for key, record in records.items() if record.failure == "error:worker_died"}
-        assert len(lost) <= 1
-        assert records.keys() == expected.keys()
-        assert all(record == expected[key] for key, record in records.items() if key not in lost)
-    assert died == times(1, 63)
+def recorded(path: Path) -> dict[str, Recorded]:
+    """Return the completions of a recording that may be torn at its end."""
+    if not path.exists():
+        return {}
+    return {one.key: msgspec.structs.replace(one, seconds=0.0) for one in read_recording(path)}
 
 
-def test_a_recording_killed_at_any_moment_goes_on_to_the_same_answers(instructions: str, tmp_path: Path) -> None:
-    def recording(out: Path) -> list[str]:
-        few = ["--instructions", instructions, "--agents", "llm-only,gavel-basic", "--threads", "1"]
-        return ["record", "--planner", "simulated:qwen3-8b", "--out", str(out), *few]
-
+def test_a_recording_killed_at_any_moment_goes_on_to_the_same(five: Path, tmp_path: Path) -> None:
+    command = [
+        "record", "--planner", PLANNER, "--agents", "llm-only,gavel-full", "--seeds", "0,1,2", "--instructions",
+        str(five), "--out",
+    ]  # fmt: skip
     whole = tmp_path / "whole.jsonl.gz"
-    for number, death in enumerate(moments(tmp_path, recording(whole), times(2, 38), seed=3)):
-        out = tmp_path / f"killed-{number}.jsonl.gz"
-        assert gavel(*recording(out), **death).returncode == KILLED
-        again = gavel(*recording(out))
-        assert again.returncode == 0, again.stderr
-        assert out.read_bytes() == whole.read_bytes()
+    _, counted = to_its_end(*command, str(whole))
+    expected = recorded(whole)
+    assert len(expected) == 15
+    at = moments(38, counted)
+    kills = 0
+    for series in itertools.count():
+        if kills >= times(1, 38):
+            break
+        path = tmp_path / f"{series}.jsonl.gz"
+        for moment in itertools.islice(at, times(1, 5)):
+            before = recorded(path)
+            done = gavel(moment, *command, str(path))
+            if done.returncode == 0:
+                break
+            assert done.returncode == -signal.SIGKILL, (moment, done.stderr)
+            kills += 1
+            assert recorded(path).items() >= before.items(), moment
+        to_its_end(*command, str(path))
+        assert recorded(path) == expected
+        assert ReplayModel(str(path)).name == ReplayModel(str(whole)).name
