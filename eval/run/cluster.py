@@ -8,6 +8,7 @@ gets the record that says so.
 from __future__ import annotations
 
 import os
+import socket
 import threading
 import time
 from collections import deque
@@ -28,6 +29,9 @@ _RETRIES = 2
 
 _START_S = 60.0
 """For a worker to start and import everything."""
+
+_KNOCK_S = 10.0
+"""For a cluster to take up a connection."""
 
 _RIGS: dict[bytes, Rig] = {}
 
@@ -54,7 +58,8 @@ def run_on_ray(
         stop: once it is set, nothing further is begun.
 
     Raises:
-        WorkerFailed: Ray is missing or the cluster cannot be reached, or an agent cannot be built there.
+        WorkerFailed: the cluster cannot be reached or fails, or an agent cannot be built there.
+        NotInstalled: Ray is missing.
     """
     if not episodes:
         return
@@ -64,6 +69,8 @@ def run_on_ray(
         _join(ray, address, plugins)
     try:
         yield from _Tasks(ray, episodes, settings, tuple(plugins), timeout_s, connections, stop).run()
+    except (ray.exceptions.RayError, ConnectionError) as error:
+        raise WorkerFailed(f"the Ray cluster failed: {error}") from error
     finally:
         if ours:
             ray.shutdown()
@@ -81,16 +88,29 @@ def _join(ray: Any, address: str | None, plugins: Sequence[str]) -> None:
     paths = [os.getcwd(), os.environ.get("PYTHONPATH", "")] if plugins else [os.environ.get("PYTHONPATH", "")]
     path = os.pathsep.join(filter(None, paths))
     environment = {"env_vars": {"PYTHONPATH": path}} if path else {}
+    address = address or os.environ.get("RAY_ADDRESS")
     try:
+        _knock(address or "")
         ray.init(
-            address=address or os.environ.get("RAY_ADDRESS"),
+            address=address,
             runtime_env=environment,
             log_to_driver=False,
             include_dashboard=False,
             logging_level="error",
         )
-    except (ConnectionError, ValueError, RuntimeError) as error:
+    except (OSError, OverflowError, ValueError, RuntimeError) as error:
         raise WorkerFailed(f"the Ray cluster {address or ''} cannot be reached: {error}") from error
+
+
+def _knock(address: str) -> None:
+    """Try out whether anything answers at HOST:PORT; Ray itself would try for more than a minute.
+
+    Raises:
+        OSError: nothing does.
+    """
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if host and port.isdecimal():
+        socket.create_connection((host.strip("[]"), int(port)), _KNOCK_S).close()
 
 
 class _Tasks:

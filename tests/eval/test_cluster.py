@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import signal
-import socket
-import subprocess
-import sys
-import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from support.ray_nodes import Nodes, ray_nodes
 from support.timeless import timeless, timeless_csv
 
 from eval.cli import main
@@ -45,59 +38,6 @@ def compared(file: RecordFile) -> dict[EpisodeKey, EpisodeRecord]:
     return {key: timeless(record) for key, record in file.records.items()}
 
 
-class Nodes:
-    """Ray nodes in this machine; each in a session of its own, so that it can be killed as a machine would be."""
-
-    def __init__(self, folder: Path) -> None:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
-        self.address = f"127.0.0.1:{port}"
-        self._folder, self._started = folder, list[subprocess.Popen[bytes]]()
-        self.add("--head", f"--port={port}", "--include-dashboard=false", f"--temp-dir={folder}")
-
-    def add(self, *options: str) -> subprocess.Popen[bytes]:
-        ray = Path(sys.executable).with_name("ray")
-        where = options or (f"--address={self.address}",)
-        environment = os.environ | {"PYTHONPATH": str(ROOT), "GAVEL_TEST_SLEEP": "0.5", "RAY_USAGE_STATS_ENABLED": "0"}
-        node = subprocess.Popen(
-            [str(ray), "start", "--block", "--num-cpus=1", "--disable-usage-stats", *where],
-            cwd=ROOT,
-            env=environment,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        self._started.append(node)
-        return node
-
-    def wait(self, cores: float) -> None:
-        """Wait until the cluster has so many cores."""
-        import ray
-
-        while all(node.poll() is None for node in self._started):
-            try:
-                ray.init(address=self.address, log_to_driver=False, logging_level="error")
-                if ray.cluster_resources().get("CPU", 0) >= cores:
-                    return
-            except (ConnectionError, RuntimeError, ValueError):
-                pass
-            finally:
-                ray.shutdown()
-            time.sleep(0.5)
-        raise RuntimeError(f"a Ray node ended before there were {cores:g} cores")
-
-    @staticmethod
-    def kill(node: subprocess.Popen[bytes]) -> None:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(node.pid, signal.SIGKILL)
-        node.wait()
-
-    def end(self) -> None:
-        for node in reversed(self._started):
-            self.kill(node)
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::ResourceWarning", "ignore::DeprecationWarning")
 class TestRay:
@@ -108,13 +48,8 @@ class TestRay:
         pytest.importorskip("ray")
         monkeypatch.setenv("PYTHONPATH", str(ROOT))
         monkeypatch.chdir(ROOT)
-        with tempfile.TemporaryDirectory(prefix="ray") as folder:  # sockets need short paths
-            nodes = Nodes(Path(folder))
-            try:
-                nodes.wait(1)
-                yield nodes
-            finally:
-                nodes.end()
+        with ray_nodes() as nodes:
+            yield nodes
 
     def test_the_table_is_that_of_one_process_though_a_node_dies(self, cluster: Nodes, tmp_path: Path) -> None:
         plan = planned(["slow", "lazy", "gavel-full"], 10)

@@ -89,6 +89,17 @@ class Killed(Lazy):
         return super().act(observation, info)
 
 
+class Vanishing(Lazy):
+    """Its process ends without a word, and as if all were well, where the lazy one does nothing."""
+
+    name = "vanishing"
+
+    def act(self, observation: Any, info: dict[str, Any]) -> EnvAction | None:
+        if self.stays():
+            os._exit(0)
+        return super().act(observation, info)
+
+
 class Hanging(Lazy):
     """Never answers where the lazy one does nothing."""
 
@@ -180,8 +191,8 @@ class Asking:
 
 
 AGENTS = (
-    Teacher, Lazy, Slow, Crashing, Exiting, Killed, Hanging, Dawdling, Sloppy, Untidy, Clumsy, Circling, Refusing,
-    Asking,
+    Teacher, Lazy, Slow, Crashing, Exiting, Killed, Vanishing, Hanging, Dawdling, Sloppy, Untidy, Clumsy, Circling,
+    Refusing, Asking,
 )  # fmt: skip
 
 for _agent in AGENTS:
