@@ -246,18 +246,22 @@ def _stands_on_floor(graph: SceneGraph, obj: str) -> bool:
     return floor and graph.category(obj).mount == "floor"
 
 
-def _place(relation: Relation) -> Effect:
-    def effect(graph: SceneGraph, y: str) -> SceneGraph:
-        held = graph.holding
-        assert held is not None
-        placed = msgspec.structs.replace(graph.place(held, Support(relation, y)), holding=None)
-        if relation is Relation.ON_TOP and y in placed.flags[Flag.DIRTY] and graph.category(held).wipes:
-            placed = placed.with_flag(Flag.DIRTY, frozenset((y,)), value=False)
-        return _chill(placed, y) if relation is Relation.INSIDE and not graph.category(y).openable else placed
+def _place_on_top(graph: SceneGraph, y: str) -> SceneGraph:
+    """The held object is on the target, whose dirt a cloth takes off."""
+    held = graph.holding
+    assert held is not None
+    placed = msgspec.structs.replace(graph.place(held, Support(Relation.ON_TOP, y)), holding=None)
+    if y in placed.flags[Flag.DIRTY] and graph.category(held).wipes:
+        placed = placed.with_flag(Flag.DIRTY, frozenset((y,)), value=False)
+    return placed
 
-    where = "on the target, whose dirt a cloth takes off" if relation is Relation.ON_TOP else "inside the target"
-    effect.__doc__ = f"The held object is {where}."
-    return effect
+
+def _place_inside(graph: SceneGraph, y: str) -> SceneGraph:
+    """The held object is inside the target."""
+    held = graph.holding
+    assert held is not None
+    placed = msgspec.structs.replace(graph.place(held, Support(Relation.INSIDE, y)), holding=None)
+    return placed if graph.category(y).openable else _chill(placed, y)
 
 
 def _open(graph: SceneGraph, y: str) -> SceneGraph:
@@ -342,11 +346,10 @@ RULES: Mapping[Primitive, Rule] = {
     Primitive.GRASP: Rule((known, near, graspable, hand_free, accessible), _grasp),
     Primitive.RELEASE: Rule((_hand_holds,), _release),
     Primitive.PLACE_ON_TOP: Rule(
-        (known, _hand_holds, _not_itself, near, surface, accessible, _no_cycle), _place(Relation.ON_TOP)
+        (known, _hand_holds, _not_itself, near, surface, accessible, _no_cycle), _place_on_top
     ),
     Primitive.PLACE_INSIDE: Rule(
-        (known, _hand_holds, _not_itself, near, interior, opened, accessible, _no_cycle),
-        _place(Relation.INSIDE),
+        (known, _hand_holds, _not_itself, near, interior, opened, accessible, _no_cycle), _place_inside
     ),
     Primitive.OPEN: Rule((known, near, door, accessible), _open, (hand_free,)),
     Primitive.CLOSE: Rule((known, near, door, accessible), _close, (hand_free,)),

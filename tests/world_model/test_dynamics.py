@@ -9,11 +9,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 from support.worlds import kitchen, opened
 
+from gavel_env.house.scenes import load_scene
+from gavel_env.instructions.initial_graph import scene_graph
 from gavel_env.world_model import dynamics
 from gavel_env.world_model.actions import Action, Primitive, parse_action
 from gavel_env.world_model.dynamics import RULES, Violation, ViolationKind, apply, first_violation, unsafe
 from gavel_env.world_model.goals import parse_goal
-from gavel_env.world_model.graph import Flag, Relation, SceneGraph, Support
+from gavel_env.world_model.graph import Flag, Node, Relation, SceneGraph, Support
 from gavel_env.world_model.ontology import default_ontology
 
 K = ViolationKind
@@ -179,6 +181,16 @@ def test_dirt_comes_off_by_wiping_and_rinsing() -> None:
     assert graph.flags[Flag.DIRTY] == {"stove_0", "mug_0"}  # nothing runs over what stands beside the basin
     clean_hand = kitchen({"apple_0": "held"}, flags={"dirty": ("countertop_0",)})
     assert run(clean_hand, "PLACE_ON_TOP(countertop_0)").flags[Flag.DIRTY] == {"countertop_0"}
+
+
+def test_more_things_known_leave_the_house_as_it_is() -> None:
+    graph = scene_graph(load_scene("Rs_int"))
+    more = graph.with_nodes({"mug_9": Node("mug_9", default_ontology()["mug"], False)})
+    assert more.world.connections == graph.world.connections != frozenset()
+    assert more.world.rooms == graph.world.rooms
+    assert set(more.world.nodes) - set(graph.world.nodes) == {"mug_9"}
+    assert "mug_9" in more.world.by_category["mug"]
+    assert more.room_of("mug_9") is None
 
 
 def test_a_thing_is_put_elsewhere_or_nowhere_and_its_holder_knows() -> None:

@@ -164,6 +164,12 @@ def test_next_to_pairs_are_ordered_by_name() -> None:
     assert unmet(parse_goal(["next_to(bowl, bowl)"]), graph) != ()
 
 
+def test_things_on_or_in_one_thing_are_beside_each_other() -> None:
+    graph = kitchen({"apple_0": "in fridge_0", "mug_0": "on fridge_0"})
+    for a, b, beside in (("apple_0", "steak_0", True), ("bowl_0", "backpack_0", True), ("apple_0", "mug_0", False)):
+        assert graph.beside(a, b) == graph.beside(b, a) == beside
+
+
 def test_things_on_the_floor_of_a_room_are_not_beside_each_other() -> None:
     assert unmet(parse_goal(["next_to(oven, stove)"]), kitchen()) != ()
 
@@ -327,7 +333,7 @@ def test_further_conditions_are_part_of_the_goal() -> None:
         (["on_top(apple, stove)", "cooked(napkin)"], "unknown object 'napkin'"),
         (["inside(apple@bathroom, fridgee)"], "unknown object 'fridgee'.*did you mean 'fridge'"),
         (["inside(napkin@kitchen, fridge)"], "unknown object 'napkin@kitchen'"),
-        (["in_room(apple, bathroom)"], "unknown object 'bathroom'"),
+        (["in_room(apple, bathroom)"], r"unknown object 'bathroom'.*the goal in_room\(apple, bathroom\)"),
         (["in_room(napkin, kitchen)"], "unknown object 'napkin'"),
         (["in_room(apple, kitchen)", "on_top(napkin, stove)"], "unknown object 'napkin'.*on_top"),
         (["on_top(apple@bathroom, napkin)"], "unknown object 'napkin'"),

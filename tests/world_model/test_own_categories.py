@@ -31,6 +31,7 @@ def test_a_category_inherits_and_differs() -> None:
     assert own["autoclave"].heat is None
     assert own["autoclave"].washes
     assert own["autoclave"].toggleable == SHIPPED["oven"].toggleable
+    assert own["fume_hood"].source == "user"
     assert own["vial"].source == f"user, like {own.kinds('any_bottle')[0].name}"
 
 
@@ -81,7 +82,7 @@ def test_a_file_says_the_same_as_a_table(tmp_path: Path, ending: str) -> None:
         ({"vial": {"like": "vial"}}, "unknown category 'vial'|in a circle"),
         ({"a": {"like": "b"}, "b": {"like": "a"}}, "in a circle: a -> b -> a"),
         ({"vial": {"opneable": True}}, "unknown field `opneable`.*did you mean openable"),
-        ({"vial": {"surface": "yes"}}, r"Expected `bool \| null`, got `str`"),
+        ({"vial": {"surface": "yes"}}, r"Expected `bool \| null`, got `str` - at `\$\.surface`$"),
         ({"Vial": {}}, r"\$\.categories\.Vial"),
         ({"any_vial": {}}, r"\$\.categories\.any_vial"),
         ({"vial": []}, "categories"),
