@@ -115,6 +115,22 @@ def test_a_search_begins_in_the_room_of_fewest_metres_and_comes_back(given: Give
     assert found._replace(search_prior=action.search_prior, return_when=action.return_when) == action
 
 
+def test_a_search_does_not_begin_where_the_next_thing_is_if_that_is_in_the_hand(given: Given) -> None:
+    index = {room: i for i, room in enumerate(given.known.rooms)}
+    one_hot = np.eye(len(index))
+    either = 0.5 * (one_hot[index["bedroom_0"]] + one_hot[index["entryway_0"]])
+    known = given.known._replace(belief={"a": either, "b": one_hot[index["entryway_0"]]})
+    plans = [[parse_action("NAVIGATE_TO(a)"), parse_action("PLACE_ON_TOP(a)")], [parse_action("NAVIGATE_TO(b)")]]
+
+    def first_room(holding: str | None) -> str:
+        here = known._replace(holding=holding)
+        prior = returning_search(given.simulator, here, search(here, "a"), plans, []).search_prior or {}
+        return max(prior, key=lambda room: prior[room])
+
+    assert first_room(None) == "entryway_0"
+    assert first_room("b") == "bedroom_0"
+
+
 def test_a_search_with_one_room_left_goes_as_it_was_asked(given: Given) -> None:
     simulator, known, plans = given
     one = known._replace(belief={**known.belief, "a": np.eye(len(known.rooms))[1]})

@@ -102,9 +102,9 @@ def test_from_where_something_was_found_a_drive_is_the_expectation_over_rooms(tr
 
 def test_only_drives_to_what_is_somewhere_cost_metres(travel: TravelModel) -> None:
     start = travel.at(travel.layout.start)
-    cells = {"bed": travel.layout.room_points["bedroom_0"] or 0, "pillow": travel.layout.start}
+    cells = {"bed": travel.layout.room_points["bedroom_0"] or 0, "pillow": travel.layout.room_points["kitchen_0"] or 0}
     alone = travel.rollout(to("bed"), start, {}, cells)
-    aside = [parse_action("GRASP(bed)"), *to("elsewhere", "bed"), parse_action("RELEASE()"), *to("elsewhere")]
+    aside = [parse_action("GRASP(pillow)"), *to("elsewhere", "bed"), parse_action("RELEASE()"), *to("elsewhere")]
     among_others = travel.rollout(aside, start, {}, cells)
     assert among_others.metres == alone.metres
     assert among_others.end is travel.at(cells["bed"])
