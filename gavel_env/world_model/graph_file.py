@@ -166,7 +166,7 @@ class _Reader:
         if name == ROBOT:
             raise self.error(path, f"{ROBOT!r} is the robot's own id")
         if name != normal or not _ID.fullmatch(name):
-            better = re.sub(r"(?:[^\w.']|_)+", "_", normal).strip("_.'")
+            better = normalise_name(re.sub(r"(?:[^\w.']|_)+", "_", normal).strip("_.'"))
             better = better if _ID.fullmatch(better) else f"x_{better}".rstrip("_")
             raise self.error(path, f"id {name[:80]!r} cannot be written in plans; write {better[:80]!r}")
         return name

@@ -17,12 +17,32 @@ from gavel_env.world_model.concepts import (
     is_concept,
     load_concepts,
     normal_phrase,
+    singulars,
 )
 from gavel_env.world_model.goals import Designator, fitting
 from gavel_env.world_model.graph import Node, Relation, Room, SceneGraph, Support, World
 from gavel_env.world_model.ontology import Category, Ontology, default_ontology
 
 CONCEPTS = default_concepts()
+
+
+@pytest.mark.parametrize(
+    ("phrase", "forms"),
+    [
+        ("as", ["as"]),  # two letters are no plural
+        ("mugs", ["mugs", "mug"]),
+        ("dress", ["dress"]),
+        ("boxes", ["boxes", "box", "boxe"]),
+        ("tins of beans", ["tins of beans", "tin of beans", "tins of bean"]),
+        ("old mice", ["old mice", "old mouse"]),
+    ],
+)
+def test_singulars_are_likeliest_first(phrase: str, forms: list[str]) -> None:
+    assert list(singulars(phrase, {"mice": "mouse"})) == forms
+
+
+def test_what_is_not_in_the_table_has_no_words() -> None:
+    assert CONCEPTS.words("nothing_of_the_kind") == ()
 
 
 def test_every_category_is_reached_by_its_own_name() -> None:

@@ -218,6 +218,16 @@ PLACES = [
 ]
 
 
+@pytest.mark.parametrize(
+    ("written", "better"),
+    [("Lab Bench", "lab_bench"), ("+vial+", "vial"), ("'vial'", "vial"), ("a+b", "b"), ("u+v", "u_v"), ("3", "x_3")],
+)
+def test_an_id_that_plans_cannot_write_is_said_with_one_that_they_can(written: str, better: str) -> None:
+    with pytest.raises(GraphError, match=f"cannot be written in plans; write '{better}'$"):
+        SceneGraph.from_json(changed(("nodes", 4, "id"), written))
+    SceneGraph.from_json(changed(("nodes", 4, "id"), f"{better}_9"))
+
+
 def test_a_hundred_things_may_stand_on_each_other_and_no_more() -> None:
     def tower(height: int) -> dict[str, Any]:
         stack = [{"id": f"t{i}", "category": "tray", "on_top": f"t{i - 1}" if i else "bench"} for i in range(height)]

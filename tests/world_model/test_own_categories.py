@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from gavel_env.errors import CategoryError, GavelError
 from gavel_env.world_model.ontology import default_ontology
+from gavel_env.world_model.own_categories import OwnCategory
 
 SHIPPED = default_ontology()
 
@@ -65,6 +67,12 @@ def test_like_takes_a_category_a_concept_or_a_word() -> None:
     assert SHIPPED.extend({"case": {"like": "backpack"}})["case"].interior
 
 
+def test_entries_may_be_objects_with_the_fields_as_attributes() -> None:
+    said = {"like": "bottle", "mass_kg": 0.1}
+    for entry in (OwnCategory(like="bottle", mass_kg=0.1), SimpleNamespace(**said)):
+        assert SHIPPED.extend({"vial": entry})["vial"] == SHIPPED.extend({"vial": said})["vial"]
+
+
 @pytest.mark.parametrize("ending", ["toml", "json"])
 def test_a_file_says_the_same_as_a_table(tmp_path: Path, ending: str) -> None:
     path = tmp_path / f"lab.{ending}"
@@ -80,6 +88,7 @@ def test_a_file_says_the_same_as_a_table(tmp_path: Path, ending: str) -> None:
     [
         ({"vial": {"like": "botle"}}, r"\$\.categories\.vial\.like: unknown category 'botle'; did you mean"),
         ({"vial": {"like": "vial"}}, "unknown category 'vial'|in a circle"),
+        ({"vial": {"like": "qqqqqqqq"}}, "like: unknown category 'qqqqqqqq'$"),
         ({"a": {"like": "b"}, "b": {"like": "a"}}, "in a circle: a -> b -> a"),
         ({"vial": {"opneable": True}}, "unknown field `opneable`.*did you mean openable"),
         ({"vial": {"surface": "yes"}}, r"Expected `bool \| null`, got `str` - at `\$\.surface`$"),
