@@ -223,7 +223,9 @@ PLACES = [
     [("Lab Bench", "lab_bench"), ("+vial+", "vial"), ("'vial'", "vial"), ("a+b", "b"), ("u+v", "u_v"), ("3", "x_3")],
 )
 def test_an_id_that_plans_cannot_write_is_said_with_one_that_they_can(written: str, better: str) -> None:
-    with pytest.raises(GraphError, match=f"cannot be written in plans; write '{better}'$"):
+    with pytest.raises(
+        GraphError, match=rf"^graph: \$\.nodes\[4\]\.id: .*cannot be written in plans; write '{better}'$"
+    ):
         SceneGraph.from_json(changed(("nodes", 4, "id"), written))
     SceneGraph.from_json(changed(("nodes", 4, "id"), f"{better}_9"))
 

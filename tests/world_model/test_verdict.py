@@ -54,6 +54,17 @@ def test_an_unmet_goal_is_listed() -> None:
     assert not verdict.valid
 
 
+def test_a_trace_is_reused_from_the_same_graph_alone() -> None:
+    here, elsewhere = kitchen(near=()), kitchen(near=(), flags={"open": ["fridge_0"]})
+    before = validate(elsewhere, plan(GOOD), GOAL)
+    afresh = validate(here, plan(GOOD), GOAL)
+    judged = validate(here, plan(GOOD), GOAL, known=before)
+    assert judged == afresh
+    assert judged.trace[0] is here
+    longer = validate(here, (*plan(GOOD), *plan("NAVIGATE_TO(oven_0)")), GOAL, known=afresh)
+    assert all(mine is theirs for mine, theirs in zip(longer.trace, afresh.trace, strict=False))
+
+
 def test_a_shortfall_says_what_is_unmet_then_what_is_left_open_or_on() -> None:
     start = kitchen(near=())
     end = kitchen(flags={"open": ["fridge_0"], "toggled": ["stove_0"]})
