@@ -192,6 +192,7 @@ def test_legs_are_drives_and_what_they_carry() -> None:
     assert legs(carry.replace("ON_TOP", "INSIDE"))[0][-1] == [PUT_AT, 0, 1]
     assert legs(carry.replace("PLACE_ON_TOP(shelf)", "RELEASE()"))[0][-1] == [PUT_HERE, 0, -1]
     assert legs(carry.replace("PLACE_ON_TOP(shelf)", "PLACE_ON_TOP(table)"))[0][-1] == [PUT_HERE, 0, -1]
+    assert legs("GRASP(shelf) PLACE_ON_TOP(cup)")[0] == [[PUT_AT, 1, 0]]
     assert legs(carry.replace("GRASP(cup)", "GRASP(box)"))[0] == [go_cup, go_shelf]
     assert legs("NAVIGATE_TO(box) OPEN(cup)") == ([], [0, 0])
     assert legs("PLACE_ON_TOP(shelf)", "RELEASE()", holding="cup") == ([[PUT_AT, 0, 1], [PUT_HERE, 0, -1]], [0, 1, 2])

@@ -65,6 +65,14 @@ def test_the_short_list_has_the_best_orders_of_every_first_task(count: int, seed
         assert [order for order in found if order[0] == first] == best
 
 
+def test_eight_tasks_are_still_enumerated() -> None:
+    costs = random_costs(8, 1)
+    assert sum(1 for _ in orderings(costs)) == math.factorial(8)
+    found = best_by_first_task(costs, 8 * 200)  # more than the neighbours of the optimum would be
+    assert len(found) == 8 * 200
+    assert [order[0] for order in found] == sorted(list(range(8)) * 200)
+
+
 def test_beyond_enumeration_the_optimum_comes_first_and_neighbours_follow() -> None:
     costs = random_costs(10, 3)
     found = list(orderings(costs))
