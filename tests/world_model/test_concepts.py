@@ -45,6 +45,12 @@ def test_what_is_not_in_the_table_has_no_words() -> None:
     assert CONCEPTS.words("nothing_of_the_kind") == ()
 
 
+def test_categories_join_concepts_and_nothing_else() -> None:
+    assert "mug" in CONCEPTS.extended(members={"any_bottle": ("mug",)}).categories("any_bottle")
+    with pytest.raises(UnknownConcept, match=r"'bottle'.*concepts begin with 'any_'"):
+        CONCEPTS.extended(members={"bottle": ("mug",)})
+
+
 def test_every_category_is_reached_by_its_own_name() -> None:
     for category in default_ontology():
         named = CONCEPTS.meaning(category.replace("_", " ")).thing

@@ -249,6 +249,10 @@ def test_sizes_and_masses_are_plausible(ontology: Ontology) -> None:
     assert 1.4 < height < 2.0
 
 
+def test_categories_are_numbered_in_their_order(ontology: Ontology) -> None:
+    assert [ontology.index[name] for name in ontology] == list(range(len(ontology)))
+
+
 def test_unknown_category_offers_the_nearest(ontology: Ontology) -> None:
     with pytest.raises(UnknownCategory, match="fridge") as caught:
         ontology["frigde"]
