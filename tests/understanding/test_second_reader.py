@@ -14,12 +14,12 @@ from eval.studies.understanding import evaluate
 from gavel_agents.understanding import Decomposition, TaskUnderstanding, load_understanding
 from gavel_agents.understanding.asking import question_of, with_answers
 from gavel_agents.understanding.interface import Abstention
-from gavel_agents.understanding.learned.decode import Decision, Meant
+from gavel_agents.understanding.learned.decode import Decision, Meant, meant_by
 from gavel_agents.understanding.learned.encoder import input_of
-from gavel_agents.understanding.learned.network import scores
+from gavel_agents.understanding.learned.network import Scores, mean, scores
 from gavel_agents.understanding.learned.options import groups
 from gavel_agents.understanding.learned.pieces import Pieces
-from gavel_agents.understanding.learned.reader import Reading, load_reader
+from gavel_agents.understanding.learned.reader import LearnedReader, Reading, load_reader
 from gavel_agents.understanding.learned.spotted import pair_features, spotted
 from gavel_agents.understanding.learned.weights import load, save
 from gavel_agents.understanding.pairs import read_samples
@@ -34,22 +34,78 @@ DATA = Path(__file__).parent / "data" / "learned_scores.json"
 
 
 def test_numpy_computes_what_torch_computed() -> None:
-    stored = json.loads(DATA.read_text(encoding="utf-8"))
-    said = scores(spotted(TEXT, HOUSE), load_reader().network)
-    np.testing.assert_allclose(said.pairs, np.array(stored["pairs"]), atol=0.25)  # of up to 20, in eight bits
-    np.testing.assert_allclose(said.whole, stored["whole"], atol=0.25)
-    for name, values in stored["mentions"].items():
-        np.testing.assert_allclose(said.mentions[name], np.array(values), atol=0.25)
+    every = json.loads(DATA.read_text(encoding="utf-8"))
+    for network, stored in zip(load_reader().networks, every, strict=True):
+        said = scores(spotted(TEXT, HOUSE), network)
+        np.testing.assert_allclose(said.pairs, np.array(stored["pairs"]), atol=0.4)  # of up to 20, in eight bits
+        np.testing.assert_allclose(said.whole, stored["whole"], atol=0.4)
+        for name, values in stored["mentions"].items():
+            np.testing.assert_allclose(said.mentions[name], np.array(values), atol=0.4)
 
 
-def test_a_thing_is_read_by_what_its_kind_can_do_and_not_by_its_name() -> None:
+def test_several_networks_are_asked_where_the_first_is_not_sure() -> None:
+    def alike(a: Scores, b: Scores) -> None:
+        np.testing.assert_allclose(a.pairs, b.pairs)
+        np.testing.assert_allclose(a.whole, b.whole)
+        for name, values in a.mentions.items():
+            np.testing.assert_allclose(values, b.mentions[name])
+
+    read = spotted(TEXT, HOUSE)
+    one, *_ = load_reader().networks
+    own = scores(read, one)
+    alike(mean([own, own]), own)
+    other = Scores(-own.pairs, {name: -values for name, values in own.mentions.items()}, -own.whole)
+    alike(mean([own, other]), mean([other, own]))
+    assert not mean([own, other]).pairs.any()
+    sure, unsure = "Put the mug on the bed.", "Mug, the bed thing, not where Ann had the scarf, or was it the bowl."
+    alone = LearnedReader([one])
+    assert alone.read(sure, HOUSE).meant == load_reader().read(sure, HOUSE).meant
+    assert alone.read(unsure, HOUSE).meant.sure != load_reader().read(unsure, HOUSE).meant.sure
+
+
+def test_things_that_are_called_thing_are_told_by_what_their_kind_can_do() -> None:
     scarf, cardigan = (spotted(f"Put the {word} in the sink.", HOUSE) for word in ("scarf", "cardigan"))
     assert [m.name for m in scarf.mentions] == ["scarf", "furniture_sink"]
-    network = load_reader().network
+    network = load_reader().networks[0]
     one, two = (input_of(read, network.pieces, network.values) for read in (scarf, cardigan))
+    assert one.pieces.tolist() != two.pieces.tolist()
+    one, two = (
+        input_of(read, network.pieces, network.values, unnamed=[m.token for m in read.mentions])
+        for read in (scarf, cardigan)
+    )
     np.testing.assert_array_equal(one.pieces, two.pieces)
     np.testing.assert_array_equal(one.features, two.features)
     np.testing.assert_array_equal(pair_features(scarf), pair_features(cardigan))
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("Tofu on the baking sheet, the sheet into the cabinet.", ["tofu", "baking_sheet"]),
+        ("Wash the mixing bowls, then the bowls go on the bed.", ["mixing_bowl"]),
+        ("Put the sheet on the bed, and then the baking sheet.", ["bed_sheet", "baking_sheet"]),
+        ("The baking sheet goes on the bed, the bowl in the sink.", ["baking_sheet", "bowl"]),
+    ],
+)
+def test_the_last_word_of_a_name_speaks_of_the_thing_once_it_was_named(text: str, names: list[str]) -> None:
+    assert [group.name for group in groups(spotted(text, HOUSE))] == names
+
+
+def test_a_slip_in_one_word_is_not_two_words() -> None:
+    for text, name in (("the pinapple", "pineapple"), ("no irons here", "iron"), ("the livingroom", "living_room")):
+        assert [m.name for m in spotted(text, HOUSE).mentions] == [name]
+
+
+def test_where_nothing_seems_to_be_asked_the_likeliest_wish_is_asked_about() -> None:
+    read = spotted("The mug on the bed.", HOUSE)
+    own = scores(read, load_reader().networks[0])
+    silent = {name: values.copy() for name, values in own.mentions.items()}
+    silent["none"] += 50
+    silent["state"] -= 50
+    silent["wish"][:, 0] += 50
+    meant = meant_by(read, own._replace(mentions=silent))
+    assert meant.goals
+    assert meant.sure <= 0.5
 
 
 def test_words_come_apart_into_pieces_by_the_longest_match() -> None:
@@ -198,7 +254,7 @@ def test_bad_input_stays_refused(text: str) -> None:
 def test_weights_of_another_format_are_an_error(tmp_path: Path) -> None:
     (tmp_path / "weights.safetensors").write_bytes(b"none")
     with pytest.raises(DataError, match="weights of the learned reader"):
-        load_reader(tmp_path / "weights.safetensors")
+        load_reader((tmp_path / "weights.safetensors",))
 
 
 def test_a_noun_of_two_categories_is_either_of_them() -> None:
@@ -216,7 +272,7 @@ def test_a_noun_of_two_categories_is_either_of_them() -> None:
 # --- floors ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("split", "exact", "wrong"), [("dev", 0.70, 0.12), ("test", 0.66, 0.14)])
+@pytest.mark.parametrize(("split", "exact", "wrong"), [("dev", 0.80, 0.09), ("test", 0.75, 0.13)])
 def test_floors_of_the_voices(split: str, exact: float, wrong: float) -> None:
     report = evaluate(load_understanding("rules"), [s for s in read_samples("voices") if s.split == split])
     assert report.goals_exact >= exact * report.instructions

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import defaultdict
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -30,6 +31,8 @@ __all__ = ["Decision", "Meant", "meant_by"]
 
 Array = NDArray[np.float32]
 _NOTHING = -1e4
+_FORCED = 0.5
+"""What a reading that is only not nothing is worth: it is asked about."""
 _TOLD = 0.5
 """Least probability of a location that is taken as stated."""
 
@@ -42,12 +45,14 @@ class Decision(NamedTuple):
         literals: what it asks for; empty where nothing is asked.
         probability: of the choice.
         instead: the second choice's literals.
+        second: its probability.
     """
 
     mention: int
     literals: tuple[Literal, ...]
     probability: float
     instead: tuple[Literal, ...] = ()
+    second: float = 0.0
 
 
 class Meant(NamedTuple):
@@ -120,34 +125,52 @@ def meant_by(read: Spotted, scored: Scores) -> Meant:
     decisions: list[Decision] = []
     for group in groups(read):
         first = group.mentions[0]
-        where = _places(read, scored, group, False)
-        own = list(group.mentions)
-        counts = _softmax(scored.mentions["count"][own].mean(axis=0))
-        states = 1 / (1 + np.exp(-scored.mentions["state"][own].max(axis=0)))
-        ends = _ends(read, shared, group, where)
-        wanted = [state for state, p in zip(STATES, states, strict=True) if p > 0.5]
-        number = int(counts.argmax()) + 1
-        (end, probability), instead = ends[0], ends[1][0] if len(ends) > 1 else None
-        if end is None and not wanted:
-            number = 1
-        else:
-            probability *= float(counts[number - 1])
-        probability *= float(np.prod(np.maximum(states, 1 - states)))
-        literals = []
-        for subject in _each(read, group, number):
-            literals += [Literal(state, subject) for state in wanted]
-            literals += [end._replace(subject=subject)] if end is not None else []
-        goals += [(first, literal) for literal in literals]
-        decisions.append(Decision(first, tuple(literals), probability, (instead,) if instead else ()))
+        decided = _decided(read, shared, scored, group)
+        goals += [(first, literal) for literal in decided.literals]
+        decisions.append(decided)
         told = _ends(read, shared, group, _places(read, scored, group, True))
         if told[0][0] is not None and told[0][1] > _TOLD:
             relations.append((first, told[0][0]))
-    for wished, index, probability, second in _wished(read, shared):
-        goals += [(index, literal) for literal in wished]
-        decisions.append(Decision(index, wished, probability, second))
+    for wish in _wished(read, shared):
+        goals += [(wish.mention, literal) for literal in wish.literals]
+        decisions.append(wish)
+    if not goals:
+        goals, decisions = _something(decisions)
     return Meant(
         tuple(dict.fromkeys(goals)), tuple(relations), tuple(decisions), float(1 / (1 + np.exp(-scored.whole)))
     )
+
+
+def _decided(read: Spotted, shared: _Probable, scored: Scores, group: Group) -> Decision:
+    """Return what is likeliest asked of a thing: where it ends, what it becomes, and of how many."""
+    own = list(group.mentions)
+    ends = _ends(read, shared, group, _places(read, scored, group, False))
+    counts = _softmax(scored.mentions["count"][own].mean(axis=0))
+    number = int(counts.argmax()) + 1
+    states = 1 / (1 + np.exp(-scored.mentions["state"][own].max(axis=0)))
+    found = []
+    for (end, probability), states_asked in itertools.product(ends[:2], itertools.product((False, True), repeat=3)):
+        wanted = list(itertools.compress(STATES, states_asked))
+        chosen = probability * float(np.prod(np.where(states_asked, states, 1 - states)))
+        literals = []
+        for subject in _each(read, group, number) if wanted or end is not None else ():
+            literals += [Literal(state, subject) for state in wanted]
+            literals += [end._replace(subject=subject)] if end is not None else []
+        found.append((chosen * (float(counts[number - 1]) if literals else 1.0), tuple(literals)))
+    found.sort(key=lambda one: -one[0])
+    (probability, likeliest), (second, instead) = found[:2]
+    return Decision(own[0], likeliest, probability, instead, second)
+
+
+def _something(decisions: list[Decision]) -> tuple[list[tuple[int, Literal]], list[Decision]]:
+    """Return the likeliest reading that asks for something, where it would be likeliest that nothing is asked."""
+    likeliest = max((d for d in decisions if d.instead), key=lambda d: d.second, default=None)
+    if likeliest is None:
+        return [], decisions
+    share = _FORCED * likeliest.second / sum(d.second for d in decisions if d.instead)
+    asked = Decision(likeliest.mention, likeliest.instead, share, (), likeliest.probability)
+    goals = [(asked.mention, literal) for literal in asked.literals]
+    return goals, [asked if d is likeliest else d for d in decisions]
 
 
 def _each(read: Spotted, group: Group, number: int) -> list[Designator]:
@@ -191,12 +214,9 @@ def _pieces(read: Spotted, shared: _Probable, place: int) -> Mapping[Designator,
     return found
 
 
-_Wished = tuple[tuple[Literal, ...], int, float, tuple[Literal, ...]]
-
-
-def _wished(read: Spotted, shared: _Probable) -> list[_Wished]:
+def _wished(read: Spotted, shared: _Probable) -> list[Decision]:
     """Return the wish for each mention."""
-    found: list[_Wished] = []
+    found: list[Decision] = []
     for index, mention in enumerate(read.mentions):
         likeliest = sorted(wishes_for(mention), key=lambda wish: -shared.wishes[index, wish])
         probability = float(shared.wishes[index, likeliest[0]])
@@ -207,7 +227,7 @@ def _wished(read: Spotted, shared: _Probable) -> list[_Wished]:
         piece, share = max(pieces.items(), key=lambda one: one[1])
         if meant is None:
             other = (Literal(second[0], piece, None, second[1]),) if second else ()
-            found.append(((), index, probability, other))
+            found.append(Decision(index, (), probability, other, float(shared.wishes[index, likeliest[1]]) * share))
             continue
-        found.append(((Literal(meant[0], piece, None, meant[1]),), index, probability * share, ()))
+        found.append(Decision(index, (Literal(meant[0], piece, None, meant[1]),), probability * share))
     return found

@@ -37,26 +37,32 @@ class Input(NamedTuple):
     features: Array
 
 
-def input_of(read: Spotted, pieces: Pieces, values: Mapping[str, int], hidden: Collection[int] = ()) -> Input:
-    """Return what goes into the encoder: a thing that is carried is `thing`, whichever thing it is.
+def input_of(
+    read: Spotted,
+    pieces: Pieces,
+    values: Mapping[str, int],
+    hidden: Collection[int] = (),
+    unnamed: Collection[int] = (),
+) -> Input:
+    """Return what goes into the encoder.
 
     Args:
         read: the text.
         pieces: the vocabulary.
         values: numbers of what tokens of closed classes do.
         hidden: tokens that are taken for words that name nothing known.
+        unnamed: tokens whose word is `thing`, whichever thing they name.
 
     Raises:
         Abstention: `too_long`.
     """
-    movable = {m.token for m in read.mentions if m.movable}.difference(hidden)
     features = read.features.copy()
     for at in hidden:
         features[at] = unknown_features(read.tokens[at])
     numbers, starts = [pieces.vocabulary[START]], []
     for at, token in enumerate(read.tokens):
         starts.append(len(numbers))
-        numbers += pieces.of("thing" if at in movable else token.text)
+        numbers += pieces.of("thing" if at in unnamed else token.text)
     numbers.append(pieces.vocabulary[END])
     if len(numbers) > LONGEST:
         raise Abstention("too_long", f"the text has {len(numbers)} word pieces, at most {LONGEST} can be read")
@@ -66,25 +72,29 @@ def input_of(read: Spotted, pieces: Pieces, values: Mapping[str, int], hidden: C
     )  # fmt: skip
 
 
-def encode(given: Input, weights: Mapping[str, Array], layers: Sequence[Mapping[str, Array]]) -> Array:
-    """Return the last layer's state of the text as a whole, then of each token's first piece, (1 + tokens, width)."""
+def encode(
+    given: Input, weights: Mapping[str, Array], layers: Sequence[Mapping[str, Array]], tokens: Sequence[int]
+) -> Array:
+    """Return the last state of the text as a whole, then of the first piece of some tokens, (1 + tokens, width)."""
     x = weights["word"][given.pieces] * weights["word.scale"][given.pieces, None]
     x[given.starts] += given.features @ weights["feature"] + weights["value"][given.values]
     x = _normal(x + weights["position"][: len(x)], weights, "entered")
-    for layer in layers:
-        x = _normal(x + _attended(x, layer) @ layer["out"] + layer["out.bias"], layer, "out.normal")
+    rows = np.concatenate([[0], given.starts[list(tokens)]])
+    for number, layer in enumerate(layers, start=1):
+        own = x if number < len(layers) else x[rows]  # of the last layer nothing else is needed
+        x = _normal(own + _attended(own, x, layer) @ layer["out"] + layer["out.bias"], layer, "out.normal")
         hidden = _gelu(x @ layer["up"] + layer["up.bias"])
         x = _normal(x + hidden @ layer["down"] + layer["down.bias"], layer, "down.normal")
-    return np.asarray(x[np.concatenate([[0], given.starts])])
+    return np.asarray(x)
 
 
-def _attended(x: Array, layer: Mapping[str, Array]) -> Array:
-    """Return what each piece takes from all, (pieces, width), before the output's matrix."""
-    count, width = x.shape
+def _attended(own: Array, x: Array, layer: Mapping[str, Array]) -> Array:
+    """Return what some pieces take from all, (some, width), before the output's matrix."""
+    count, width = own.shape
     size = width // HEADS
     asked, keys, values = (
-        (x @ layer[name] + layer[f"{name}.bias"]).reshape(count, HEADS, size).transpose(1, 0, 2)
-        for name in ("query", "key", "value")
+        (given @ layer[name] + layer[f"{name}.bias"]).reshape(len(given), HEADS, size).transpose(1, 0, 2)
+        for name, given in (("query", own), ("key", x), ("value", x))
     )
     weight = asked @ keys.transpose(0, 2, 1) / np.float32(np.sqrt(size))
     weight = np.exp(weight - weight.max(axis=-1, keepdims=True))

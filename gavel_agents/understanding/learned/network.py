@@ -11,7 +11,7 @@ from gavel_agents.understanding.learned.encoder import Array, encode, input_of
 from gavel_agents.understanding.learned.pieces import Pieces
 from gavel_agents.understanding.learned.spotted import Spotted, pair_features
 
-__all__ = ["OF_MENTION", "OF_PAIR", "Network", "Scores", "scores"]
+__all__ = ["OF_MENTION", "OF_PAIR", "Network", "Scores", "mean", "scores"]
 
 OF_PAIR = ("on", "in", "from_on", "from_in", "room")
 """What is scored of two mentions: the first goes on or in the second, comes from there, or stands in that room."""
@@ -52,8 +52,9 @@ class Scores(NamedTuple):
 
 def scores(read: Spotted, network: Network) -> Scores:
     """Return the scores of a text."""
-    states = encode(input_of(read, network.pieces, network.values), network.shared, network.layers)
-    h, weights = states[[1 + m.token for m in read.mentions]], network.shared
+    given, tokens = input_of(read, network.pieces, network.values), [m.token for m in read.mentions]
+    states = encode(given, network.shared, network.layers, tokens)
+    h, weights = states[1:], network.shared
     first = h @ weights["first"] + weights["first.bias"]
     second = h @ weights["second"]
     hidden = np.maximum(first[:, None] + second[None] + pair_features(read) @ weights["beside"], 0)
@@ -64,3 +65,12 @@ def scores(read: Spotted, network: Network) -> Scores:
     named = {name: heads[:, split[i] : split[i + 1]] for i, name in enumerate(OF_MENTION)}
     whole = states[0] @ weights["whole"] + weights["whole.bias"]
     return Scores(np.moveaxis(of_pairs, -1, 0), named, float(whole[0]))
+
+
+def mean(found: Sequence[Scores]) -> Scores:
+    """Return the mean of several networks' scores of one text."""
+    return Scores(
+        np.mean([one.pairs for one in found], axis=0),
+        {name: np.mean([one.mentions[name] for one in found], axis=0) for name in OF_MENTION},
+        sum(one.whole for one in found) / len(found),
+    )

