@@ -14,7 +14,7 @@ from eval.studies.understanding import evaluate
 from gavel_agents.understanding import Decomposition, TaskUnderstanding, load_understanding
 from gavel_agents.understanding.asking import question_of, with_answers
 from gavel_agents.understanding.interface import Abstention
-from gavel_agents.understanding.learned.decode import Decision, Meant, meant_by
+from gavel_agents.understanding.learned.decode import Decision, Meant
 from gavel_agents.understanding.learned.encoder import input_of
 from gavel_agents.understanding.learned.network import Scores, mean, scores
 from gavel_agents.understanding.learned.options import groups
@@ -94,18 +94,6 @@ def test_the_last_word_of_a_name_speaks_of_the_thing_once_it_was_named(text: str
 def test_a_slip_in_one_word_is_not_two_words() -> None:
     for text, name in (("the pinapple", "pineapple"), ("no irons here", "iron"), ("the livingroom", "living_room")):
         assert [m.name for m in spotted(text, HOUSE).mentions] == [name]
-
-
-def test_where_nothing_seems_to_be_asked_the_likeliest_wish_is_asked_about() -> None:
-    read = spotted("The mug on the bed.", HOUSE)
-    own = scores(read, load_reader().networks[0])
-    silent = {name: values.copy() for name, values in own.mentions.items()}
-    silent["none"] += 50
-    silent["state"] -= 50
-    silent["wish"][:, 0] += 50
-    meant = meant_by(read, own._replace(mentions=silent))
-    assert meant.goals
-    assert meant.sure <= 0.5
 
 
 def test_words_come_apart_into_pieces_by_the_longest_match() -> None:

@@ -31,8 +31,6 @@ __all__ = ["Decision", "Meant", "meant_by"]
 
 Array = NDArray[np.float32]
 _NOTHING = -1e4
-_FORCED = 0.5
-"""What a reading that is only not nothing is worth: it is asked about."""
 _TOLD = 0.5
 """Least probability of a location that is taken as stated."""
 
@@ -45,14 +43,12 @@ class Decision(NamedTuple):
         literals: what it asks for; empty where nothing is asked.
         probability: of the choice.
         instead: the second choice's literals.
-        second: its probability.
     """
 
     mention: int
     literals: tuple[Literal, ...]
     probability: float
     instead: tuple[Literal, ...] = ()
-    second: float = 0.0
 
 
 class Meant(NamedTuple):
@@ -134,8 +130,6 @@ def meant_by(read: Spotted, scored: Scores) -> Meant:
     for wish in _wished(read, shared):
         goals += [(wish.mention, literal) for literal in wish.literals]
         decisions.append(wish)
-    if not goals:
-        goals, decisions = _something(decisions)
     return Meant(
         tuple(dict.fromkeys(goals)), tuple(relations), tuple(decisions), float(1 / (1 + np.exp(-scored.whole)))
     )
@@ -158,19 +152,8 @@ def _decided(read: Spotted, shared: _Probable, scored: Scores, group: Group) -> 
             literals += [end._replace(subject=subject)] if end is not None else []
         found.append((chosen * (float(counts[number - 1]) if literals else 1.0), tuple(literals)))
     found.sort(key=lambda one: -one[0])
-    (probability, likeliest), (second, instead) = found[:2]
-    return Decision(own[0], likeliest, probability, instead, second)
-
-
-def _something(decisions: list[Decision]) -> tuple[list[tuple[int, Literal]], list[Decision]]:
-    """Return the likeliest reading that asks for something, where it would be likeliest that nothing is asked."""
-    likeliest = max((d for d in decisions if d.instead), key=lambda d: d.second, default=None)
-    if likeliest is None:
-        return [], decisions
-    share = _FORCED * likeliest.second / sum(d.second for d in decisions if d.instead)
-    asked = Decision(likeliest.mention, likeliest.instead, share, (), likeliest.probability)
-    goals = [(asked.mention, literal) for literal in asked.literals]
-    return goals, [asked if d is likeliest else d for d in decisions]
+    (probability, likeliest), (_, instead) = found[:2]
+    return Decision(own[0], likeliest, probability, instead)
 
 
 def _each(read: Spotted, group: Group, number: int) -> list[Designator]:
@@ -227,7 +210,7 @@ def _wished(read: Spotted, shared: _Probable) -> list[Decision]:
         piece, share = max(pieces.items(), key=lambda one: one[1])
         if meant is None:
             other = (Literal(second[0], piece, None, second[1]),) if second else ()
-            found.append(Decision(index, (), probability, other, float(shared.wishes[index, likeliest[1]]) * share))
+            found.append(Decision(index, (), probability, other))
             continue
         found.append(Decision(index, (Literal(meant[0], piece, None, meant[1]),), probability * share))
     return found
