@@ -165,16 +165,33 @@ class AppendedFile:
         except OSError as error:
             raise DataError(f"{self._what} {self.path} cannot be written: {error.strerror}") from error
 
-    def set_aside(self, name: Path) -> None:
+    def set_aside(self, name: Path, kept: bytes = b"") -> None:
         """Give what is there another name and begin anew; nobody else can write to either meanwhile.
 
+        A process that is killed in here leaves the file as it was, or as it shall be.
+
+        Args:
+            name: what is there is called from now on.
+            kept: what the file begins with.
+
         Raises:
-            DataError: the file cannot be renamed, or another process has begun there.
+            DataError: the disk did not take it, or the file cannot be renamed.
         """
+        fresh = self.path.with_name(f"{self.path.name}.new")
         try:
-            self.path.rename(name)
-            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
-            _lock(descriptor)
+            descriptor = os.open(fresh, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o644)
+            try:
+                _lock(descriptor)
+                _write(descriptor, kept)
+                try:
+                    os.link(self.path, name)
+                except OSError:  # a disk without links
+                    self.path.rename(name)
+                fresh.replace(self.path)
+            except OSError:
+                os.close(descriptor)
+                fresh.unlink(missing_ok=True)
+                raise
         except OSError as error:
             raise DataError(f"{self._what} {self.path} cannot be set aside: {error.strerror}") from error
         os.close(self._descriptor)
@@ -187,13 +204,10 @@ class AppendedFile:
             DataError: the disk did not take it.
         """
         before = len(self)
-        written = 0
         try:
-            while written < len(piece):
-                written += os.write(self._descriptor, piece[written:] if written else piece)
-            os.fsync(self._descriptor)
+            _write(self._descriptor, piece)
         except OSError as error:
-            if written:
+            if len(self) > before:
                 self.truncate(before)
             raise DataError(f"{self._what} {self.path} cannot be written: {error.strerror}") from error
 
@@ -213,6 +227,18 @@ class AppendedFile:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _write(descriptor: int, piece: bytes) -> None:
+    """Write a piece whole and flush it to the disk.
+
+    Raises:
+        OSError: the disk did not take it; some of it may be there.
+    """
+    written = 0
+    while written < len(piece):
+        written += os.write(descriptor, piece[written:] if written else piece)
+    os.fsync(descriptor)
 
 
 def _lock(descriptor: int) -> None:

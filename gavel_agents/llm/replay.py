@@ -220,9 +220,7 @@ class RecordingModel:
         self._known = {r.key: r for r in reading}
         if reading.damaged:
             self.set_aside = free_name(self._file.path)
-            self._file.set_aside(self.set_aside)
-            if self._known:
-                self._file.append(_packed(self._known.values()))
+            self._file.set_aside(self.set_aside, _packed(self._known.values()) if self._known else b"")
         self._writing = threading.Lock()
 
     def complete(self, prompts: Sequence[Prompt]) -> list[Completion]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import gzip
 import multiprocessing
+import os
 import resource
 from collections.abc import Sequence
 from pathlib import Path
@@ -207,3 +208,25 @@ def test_any_bytes_are_read_or_said_to_be_no_recording(
     path.write_bytes(gzip.compress(content) if packed else content)
     with contextlib.suppress(DataError):
         list(read_recording(path))
+
+
+def _dies_at(path: Path, call: str) -> None:
+    """Open a recording in a process that ends, as a kill would, when it comes to a call of `os`."""
+    setattr(os, call, lambda *_: os._exit(9))
+    open_again(path)
+
+
+@pytest.mark.parametrize("call", ["link", "replace", "write", "fsync"])
+def test_a_process_that_dies_while_it_sets_a_recording_aside_loses_nothing(tmp_path: Path, call: str) -> None:
+    path = tmp_path / "r.jsonl.gz"
+    torn = recorded(path)[:-5]
+    path.write_bytes(torn)
+    dying = multiprocessing.get_context("fork").Process(target=_dies_at, args=(path, call))
+    dying.start()
+    dying.join()
+    assert dying.exitcode == 9
+    assert path.read_bytes() == torn
+    aside = open_again(path)
+    assert aside is not None
+    assert aside.read_bytes() == torn
+    assert texts(path) == [word.upper() for word in WORDS]
