@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import pickle
 from typing import Any
 
 import gymnasium as gym
@@ -46,7 +45,7 @@ def test_an_observation_carries_its_view_in_names() -> None:
     first, info = env.reset(seed=1, options={"instruction": next(iter(INSTRUCTIONS))})
     assert first.observed is info["observed"] is unwrapped(env).observed
     assert first in env.observation_space
-    copies = (pickle.loads(pickle.dumps(first)), copy.deepcopy(first))
+    copies = (copy.copy(first), copy.deepcopy(first))  # both by what a pickle would hold
     for other in copies:
         assert isinstance(other, Observation)
         assert other.keys() == first.keys()
