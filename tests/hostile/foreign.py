@@ -114,6 +114,7 @@ MISDEEDS = {
     "constructor": ("__init__", raising(ZeroDivisionError("in the constructor"))),
     "nan": ("act", lambda self, *_: setattr(self, "trace", AgentTrace(expected_m=float("nan"), order=[None]))),  # type: ignore[list-item]
     "untraced": ("act", lambda self, *_: setattr(type(self), "trace", property(raising(ValueError("no trace"))))),
+    "changes": ("act", lambda self, observation, info: info["observed"].graph.world.rooms.clear()),
 }
 
 NAMES = ("fair", "peeking", "numpy", *MISDEEDS)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
+from support.ray_nodes import RAY_WARNS
 
 from eval.records.journal import read_records
 from eval.records.schema import EpisodeRecord
@@ -40,11 +42,20 @@ ENDS: dict[str, str | tuple[str, ...]] = {
     "constructor": "error:ZeroDivisionError",
     "nan": "error:Unencodable",
     "untraced": ("unmet", "error:AttributeError"),
+    "changes": "error:AttributeError",
 }
 
 
+@pytest.fixture(scope="module", params=["local", pytest.param("ray", marks=[pytest.mark.slow, RAY_WARNS])])
+def where(request: pytest.FixtureRequest) -> dict[str, Any]:
+    """Return the options of `run` for worker processes here and for a Ray cluster."""
+    if request.param == "local":
+        return {}
+    return {"executor": "ray", "address": request.getfixturevalue("cluster").address}
+
+
 @pytest.fixture(scope="module")
-def records(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[EpisodeRecord]]:
+def records(where: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[EpisodeRecord]]:
     """Run every agent of the list, and the oracle among them, over the same two instructions."""
     import_plugins([PLUGIN])  # registers agents
 
@@ -58,7 +69,7 @@ def records(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[EpisodeR
         settings=SETTINGS,
         plugins=[PLUGIN],
     )
-    path = run(plan, out)
+    path = run(plan, out, **where)
     assert os.getcwd() == before
     found: dict[str, list[EpisodeRecord]] = {}
     for record in read_records([path]).records.values():
@@ -85,7 +96,9 @@ def test_an_agent_drives_and_leaves_its_trace(records: dict[str, list[EpisodeRec
         assert len(record.steps) == 1
 
 
-def test_what_agents_print_is_no_part_of_the_output(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_what_agents_print_is_no_part_of_the_output(
+    where: dict[str, Any], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     import_plugins([PLUGIN])  # registers agents
 
     plan = schedule(
@@ -95,7 +108,7 @@ def test_what_agents_print_is_no_part_of_the_output(tmp_path: Path, capfd: pytes
         settings=SETTINGS,
         plugins=[PLUGIN],
     )
-    run(plan, tmp_path)
+    run(plan, tmp_path, **where)
     said = capfd.readouterr()
     assert said.out == ""
-    assert "agent,of,doom" in said.err
+    assert ("agent,of,doom" in said.err) == (not where)  # a cluster keeps it in its own logs

@@ -7,12 +7,11 @@ import random
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from support.hostile import times
-from support.ray_nodes import Nodes, ray_nodes
+from support.ray_nodes import RAY_WARNS, Nodes, ray_nodes
 from support.timeless import timeless
 
 from eval.records.journal import read_records
@@ -27,23 +26,12 @@ from gavel_env.instructions.record import read_instructions, shipped
 pytestmark = [
     pytest.mark.hostile,
     pytest.mark.slow,
-    pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::ResourceWarning", "ignore::DeprecationWarning"),
+    RAY_WARNS,
 ]
 
 ROOT = Path(__file__).parents[2]
 PLUGIN = "tests.support.eval_agents"
 SETTINGS = EnvironmentSettings(max_steps=60)
-
-
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Nodes]:
-    """Return a cluster of one core, whose workers find these tests."""
-    pytest.importorskip("ray")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", str(ROOT))
-        patch.chdir(ROOT)
-        with ray_nodes() as nodes:
-            yield nodes
 
 
 def planned(*agents: str, sampled: int = 4, plugins: tuple[str, ...] = (PLUGIN,)) -> Schedule:

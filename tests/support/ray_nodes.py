@@ -13,9 +13,14 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["Nodes", "ray_nodes"]
+import pytest
+
+__all__ = ["RAY_WARNS", "Nodes", "ray_nodes"]
 
 ROOT = Path(__file__).parents[2]
+
+RAY_WARNS = pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::ResourceWarning", "ignore::DeprecationWarning")
+"""A mark for tests that import Ray."""
 
 
 class Nodes:
