@@ -22,6 +22,7 @@ from gavel_env.house.scenes import BENCHMARK_HOUSES, load_scene
 from gavel_env.instructions.initial_graph import scene_graph
 from gavel_env.instructions.record import Instruction, Placement, TaskSpec
 from gavel_env.tasks.placements import House, Place, load_house, pick
+from gavel_env.world_model.concepts import in_words
 from gavel_env.world_model.conditions import Formula
 from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate, fitting
 from gavel_env.world_model.ontology import Category, category_of
@@ -281,7 +282,7 @@ class _Stager:
 
 
 def _words(name: str) -> str:
-    return name.removeprefix("any_").replace("_", " ")
+    return in_words(name)
 
 
 def _spoken_of(task: TaskUnderstanding) -> Iterator[Designator]:

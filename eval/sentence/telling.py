@@ -14,6 +14,7 @@ from eval.sentence.staging import Put
 from gavel_agents.agent import TaskTrace, says_valid
 from gavel_agents.understanding import Decomposition, Question
 from gavel_env.world_model.actions import Primitive, parse_action
+from gavel_env.world_model.concepts import in_words
 from gavel_env.world_model.goals import Goal, Literal, Predicate, parse_literal
 
 __all__ = ["chosen", "tell", "tell_plan", "tell_question", "tell_why", "wish"]
@@ -41,8 +42,8 @@ def wish(literal: Literal) -> str:
 def _said(name: str) -> str:
     """Return a designator in words: `any_office` -> `office`, `desk@private_office` -> `desk in the private office`."""
     thing, at, room = name.partition("@")
-    words = thing.removeprefix("any_").replace("_", " ")
-    return f"{words} in the {room.removeprefix('any_').replace('_', ' ')}" if at else words
+    words = in_words(thing)
+    return f"{words} in the {in_words(room)}" if at else words
 
 
 def _wishes(goal: Goal) -> str:

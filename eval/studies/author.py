@@ -7,7 +7,7 @@ import re
 from gavel_agents.understanding import Question
 from gavel_agents.understanding.pairs import Sample
 from gavel_env.instructions.vocabulary import default_vocabulary
-from gavel_env.world_model.concepts import default_concepts
+from gavel_env.world_model.concepts import default_concepts, in_words
 from gavel_env.world_model.goals import Designator, Literal, Predicate, parse_literal
 
 __all__ = ["Author"]
@@ -66,7 +66,7 @@ class Author:
 def _spoken(designator: Designator) -> str:
     nouns = default_vocabulary().nouns(designator.name)
     name = nouns[0] if nouns else designator.name.replace("_", " ")
-    return name if designator.room is None else f"{name} in the {designator.room.replace('_', ' ')}"
+    return name if designator.room is None else f"{name} in the {in_words(designator.room)}"
 
 
 def _place(literal: Literal) -> str:

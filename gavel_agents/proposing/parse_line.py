@@ -36,7 +36,7 @@ _TAIL = re.compile(
     re.IGNORECASE,
 )
 _VERB = re.compile(r"[A-Za-z][A-Za-z _-]*")
-_NAME = re.compile(r"[\w@.'-]+")
+_NAME = re.compile(r"[\w@|.'-]+")
 _MOST_WORDS = 9
 _MOST_WORDS_OF_A_VERB = 40
 

@@ -98,8 +98,8 @@ _MOST_LINES = 12
 
 def _line_of(lines: Sequence[str], entry: str) -> int:
     """Return the first line of the shortest stretch of text that holds every word of an entry of JSON; 0 if none."""
-    words = {_PYTHON.get(word, word) for word in re.findall(r"[\w@]+", entry)}
-    said = [set(re.findall(r"[\w@]+", line)) for line in lines]
+    words = {_PYTHON.get(word, word) for word in re.findall(r"[\w@|]+", entry)}
+    said = [set(re.findall(r"[\w@|]+", line)) for line in lines]
     for count in range(1, _MOST_LINES + 1):
         for first in range(len(said) - count + 1):
             if words and words <= set().union(*said[first : first + count]):
@@ -186,7 +186,7 @@ def _balanced(text: str) -> bool:
 def _nearest(text: str, graph: SceneGraph | None) -> tuple[str, ...]:
     """Return up to three actions that look like a text."""
     call = _CALL.search(text)
-    quoted = re.findall(r"[\w@.-]+", text)
+    quoted = re.findall(r"[\w@|.-]+", text)
     words = re.split(r"[\s,]+", without_bullet(text)) if call is None else [call[1], *re.split(r"[\s,]+", call[2])]
     if text.lstrip()[:1] in "[{":
         words = [word for word in quoted if word not in ("None", "null", "action", "target", "object", "primitive")]

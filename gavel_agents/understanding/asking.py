@@ -9,6 +9,7 @@ from gavel_agents.understanding.learned.decode import Decision, Meant
 from gavel_agents.understanding.learned.options import members
 from gavel_agents.understanding.learned.reader import Reading
 from gavel_agents.understanding.rules import RulesUnderstanding
+from gavel_env.world_model.concepts import in_words
 from gavel_env.world_model.goals import Designator, Literal, Predicate
 
 __all__ = ["question_of", "with_answers"]
@@ -59,7 +60,7 @@ def _key(name: str) -> str:
 
 def _words(reading: Reading, decision: Decision) -> str:
     mention = reading.read.mentions[decision.mention]
-    name = mention.name.removeprefix("any_").replace("_", " ")
+    name = in_words(mention.name)
     return f"light in the {name}" if mention.room else name
 
 
@@ -91,6 +92,6 @@ def _spoken(literals: tuple[Literal, ...]) -> str:
 def _order(literal: Literal) -> str:
     if literal.object is None:
         return _STATES.get((literal.predicate, literal.negated), str(literal))
-    place = literal.object.name.removeprefix("any_").replace("_", " ")
-    room = f" in the {literal.object.room.replace('_', ' ')}" if literal.object.room else ""
+    place = in_words(literal.object.name)
+    room = f" in the {in_words(literal.object.room)}" if literal.object.room else ""
     return f"put it {_PLACES[literal.predicate]} the {place}{room}"

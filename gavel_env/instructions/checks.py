@@ -11,6 +11,7 @@ from collections.abc import Iterable
 
 from gavel_env.errors import InstructionError, nearest_names
 from gavel_env.instructions.record import Instruction, Placement
+from gavel_env.world_model.concepts import OR
 from gavel_env.world_model.goals import Designator, Literal, Predicate, fitting
 from gavel_env.world_model.graph import ROBOT, Flag, Relation, SceneGraph
 from gavel_env.world_model.ontology import Category, Ontology
@@ -158,8 +159,9 @@ def _kinds(designator: Designator, graph: SceneGraph, ontology: Ontology, place:
 
 
 def _check_room(name: str, graph: SceneGraph, place: str) -> None:
-    if not any(room.fits(name) for room in graph.world.rooms.values()):
-        raise InstructionError(f"{place}: no room {name[:80]!r}; rooms: {', '.join(graph.world.rooms)}")
+    for part in name.split(OR):
+        if not any(room.fits(part) for room in graph.world.rooms.values()):
+            raise InstructionError(f"{place}: no room {part[:80]!r}; rooms: {', '.join(graph.world.rooms)}")
 
 
 def _check_together(literals: tuple[Literal, ...], graph: SceneGraph, place: str) -> None:

@@ -4,7 +4,7 @@ People say cabinet, lamp, bin and office; the houses have bottom_cabinet_no_top,
 private_office. A *concept* is a named set of categories (`any_cabinet`) or of room types (`any_office`). Its name may
 stand wherever the name of a category or of a room does: `any_cabinet@kitchen`, `mug@any_office`,
 `in_room(mug, any_office)`. The prefix keeps both apart: `fridge` stays the one category of that name, `any_sink` is
-whatever people call a sink.
+whatever people call a sink. Where either of several will do, `|` stands between them: `any_table@bedroom|any_office`.
 
 The table is data (`envs_data/concepts.json`, docs/explanation/concepts.md): words and phrases in the singular, each
 with what it names, and the concepts with their members, the one that people think of first in front.
@@ -25,11 +25,14 @@ from gavel_env.data import read_json, shipped_data
 from gavel_env.errors import DataError, UnknownConcept
 
 __all__ = [
+    "OR",
     "PREFIX",
     "Concept",
     "Concepts",
     "Meaning",
+    "any_of",
     "default_concepts",
+    "in_words",
     "is_concept",
     "load_concepts",
     "normal_phrase",
@@ -38,11 +41,23 @@ __all__ = [
 
 FORMAT = "gavel-concepts/1"
 PREFIX = "any_"
+OR = "|"
+"""Between names of which any will do: `bedroom|any_office`."""
 
 
 def is_concept(name: str) -> bool:
-    """Return whether a name is that of a concept (`any_cabinet`) rather than of one category or room type."""
-    return name.startswith(PREFIX)
+    """Return whether a name is of a concept (`any_cabinet`, `desk|bed`) rather than of one category or room type."""
+    return name.startswith(PREFIX) or OR in name
+
+
+def any_of(*names: str) -> str:
+    """Return the name of any of several: `any_of("bedroom", "any_office")` is `bedroom|any_office`."""
+    return OR.join(dict.fromkeys(part for name in names for part in name.split(OR)))
+
+
+def in_words(name: str) -> str:
+    """Return a name as people write it: `any_office` -> `office`, `desk|night_stand` -> `desk or night stand`."""
+    return " or ".join(part.removeprefix(PREFIX).replace("_", " ") for part in name.split(OR))
 
 
 class Concept(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -171,6 +186,8 @@ class Concepts:
     def _members(self, name: str, table: Mapping[str, Concept]) -> tuple[str, ...]:
         if not is_concept(name):
             return (name,)
+        if OR in name:
+            return tuple(dict.fromkeys(m for part in name.split(OR) for m in self._members(part, table)))
         if name not in table:
             raise UnknownConcept(name, table)
         return table[name].members
@@ -198,11 +215,13 @@ class Concepts:
 
         One member in the house: that type. Several: the concept, for any of them will do. None: the first that the word
         is stretched to and that the house has ("the bedroom" is the child's room where there is no other), else the
-        name as it is.
+        name as it is. So is one of several (`bedroom|any_office`), for each of them will do.
 
         Raises:
             UnknownConcept: the table has no concept of this name.
         """
+        if OR in name:
+            return name
         return _narrowed(name, self.room_types(name), self.places.get(name), frozenset(room_types).__contains__)
 
     def narrow_thing(self, name: str, able: Callable[[str], bool]) -> str:

@@ -1,10 +1,11 @@
 """Goals g as partial graphs: literals over designators, and unmet(g, G).
 
 A *designator* is an instance id (`fridge_0`), or a category or concept with an optional room: its id, its type or a
-concept of that (`bottom_cabinet@private_office`, `any_cabinet@any_office`); any instance that fits will do. Within one
-goal, literals with the same subject speak of the same instance: "the pie is cooked and on the table" is not met by two
-pies. A negated literal is about those same instances; where no positive literal speaks of its subject, it holds when no
-instance that fits makes the literal true.
+concept of that (`bottom_cabinet@private_office`, `any_cabinet@any_office`). Several names with `|` between them are
+any of these (`desk|bed`, `any_table@kitchen|any_office`). Any instance that fits will do. Within one goal, literals
+with the same subject speak of the same instance: "the pie is cooked and on the table" is not met by two pies. A negated
+literal is about those same instances; where no positive literal speaks of its subject, it holds when no instance that
+fits makes the literal true.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import msgspec
 
 from gavel_env.errors import MalformedGoal, UnknownObject, nearest_names
 from gavel_env.world_model.actions import normalise_name
+from gavel_env.world_model.concepts import OR
 from gavel_env.world_model.graph import Flag, Relation, Room, SceneGraph
 
 __all__ = [
@@ -252,6 +254,10 @@ def check_goal(goal: Goal, graph: SceneGraph) -> None:
     world = graph.world
     rooms = {r.id for r in world.rooms.values()} | {r.type for r in world.rooms.values()}
     for literal in goal.literals:
+        several = (d.room for d in (literal.subject, literal.object) if d and d.room and OR in d.room)
+        for room in (room for stated in several for room in stated.split(OR)):
+            if not any(known.fits(room) for known in world.rooms.values()):
+                raise UnknownObject(room, rooms, f"the goal {literal}")
         for designator in (literal.subject, literal.object):
             if designator is None or fitting(graph, designator):
                 continue

@@ -15,7 +15,7 @@ import msgspec
 import networkx as nx
 
 from gavel_env.frozen import frozen
-from gavel_env.world_model.concepts import default_concepts, is_concept
+from gavel_env.world_model.concepts import OR, default_concepts, is_concept
 from gavel_env.world_model.layout import NO_LAYOUT, Layout
 from gavel_env.world_model.ontology import Category, Ontology
 
@@ -63,9 +63,14 @@ class Room(NamedTuple):
     type: str
 
     def fits(self, stated: str) -> bool:
-        """Return whether a stated room is this one: by its id, its type or a concept of that (`any_office`)."""
+        """Return whether a stated room is this one: by its id, its type or a concept of that (`any_office`).
+
+        Of several (`bedroom|kitchen_0`) one must be.
+        """
         if stated in (self.id, self.type):
             return True
+        if OR in stated:
+            return any(self.fits(part) for part in stated.split(OR))
         return is_concept(stated) and stated in default_concepts().of_room_type(self.type)
 
 
@@ -129,7 +134,10 @@ class World(msgspec.Struct, frozen=True):
         return cls(frozen(rooms), connections, frozen(nodes), frozen(by_category), layout)
 
     def instances(self, name: str) -> tuple[str, ...]:
-        """Return the objects of a category or of a concept (`any_cabinet`), in the graph's order."""
+        """Return the objects of a category, of a concept (`any_cabinet`) or of several (`desk|bed`), in order."""
+        if OR in name:
+            found = {instance for part in name.split(OR) for instance in self.instances(part)}
+            return tuple(node for node in self.nodes if node in found)
         if is_concept(name):
             return tuple(node.id for node in self.nodes.values() if name in node.category.concepts)
         return self.by_category.get(name, ())

@@ -16,7 +16,7 @@ import msgspec
 
 from gavel_env.data import read_json, shipped_data
 from gavel_env.errors import DataError, UnknownCategory, UnknownConcept
-from gavel_env.world_model.concepts import Concepts, default_concepts, is_concept, normal_phrase
+from gavel_env.world_model.concepts import OR, Concepts, default_concepts, is_concept, normal_phrase
 
 __all__ = ["Category", "Mount", "Ontology", "TemperatureSource", "category_of", "default_ontology", "load_ontology"]
 
@@ -202,8 +202,8 @@ class Ontology(Mapping[str, Category]):
         return extended(self, table, place)
 
     def knows(self, name: str) -> bool:
-        """Return whether a name is that of a category or of a concept over categories."""
-        return name in self._categories or (is_concept(name) and name in self.concepts.things)
+        """Return whether a name is that of a category or of a concept over categories, or of several of them."""
+        return all(part in self._categories or part in self.concepts.things for part in name.split(OR))
 
     def __contains__(self, name: object) -> bool:
         return name in self._categories

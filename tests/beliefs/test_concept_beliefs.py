@@ -50,6 +50,17 @@ def test_a_task_without_concepts_stays_as_it_is() -> None:
     assert narrow(tasks, house("kitchen"), default_ontology()) == (tasks, {})
 
 
+def test_a_choice_between_rooms_stays_a_choice() -> None:
+    said = task("mug", "any_table@kitchen|any_office", goal=("on_top(mug, any_table@kitchen|any_office)",))
+    [settled], kinds = narrow([said], house("private_office", "kitchen", "bedroom"), default_ontology())
+    assert settled == said
+    assert list(kinds) == ["any_table@kitchen|any_office"]
+    graph = believed_graph(
+        house("private_office", "kitchen", "bedroom"), frozenset(), [settled], default_ontology(), None, kinds
+    )
+    assert graph.world.nodes["any_table@kitchen|any_office"].stated_room == "kitchen|any_office"
+
+
 def test_rooms_of_the_house_settle_concepts_everywhere_in_a_task() -> None:
     said = task(
         "mug", "any_table@any_office", "desk@any_office",

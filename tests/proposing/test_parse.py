@@ -148,7 +148,9 @@ def test_no_broken_json_raises(answer: str) -> None:
 _ACTIONS = st.builds(
     lambda primitive, target: Action(primitive, target if primitive.takes_target else None),
     st.sampled_from(list(Primitive)),
-    st.sampled_from(["fridge_0", "bottom_cabinet@kitchen", "apple", "top_cabinet_12", "tupperware_with_lid_3"]),
+    st.sampled_from(
+        ["fridge_0", "bottom_cabinet@kitchen|any_office", "apple", "top_cabinet_12", "tupperware_with_lid_3"]
+    ),
 )
 
 

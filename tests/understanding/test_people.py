@@ -13,6 +13,7 @@ from support.people import Said, denoted, house, sentences
 from eval.studies.understanding import evaluate
 from gavel_agents.understanding import Question, RulesUnderstanding
 from gavel_agents.understanding.pairs import read_samples
+from gavel_agents.understanding.rules.lexer import tokens_of
 from gavel_agents.understanding.rules.spelling import Speller, distance
 from gavel_env.world_model.graph import SceneGraph
 
@@ -120,6 +121,19 @@ def test_an_answer_lets_it_go_on(text: str, answer: str, goal: str) -> None:
     assert goal in [literal for task in got.tasks for literal in task.goal.text()]
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Put the mug on a table, kitchen or dining room.",
+        "Put the mug on a table in the kitchen or in the dining room.",
+        "The mug should be on a table, either in the kitchen or the dining room.",
+    ],
+)
+def test_either_of_two_rooms_will_do(text: str) -> None:
+    [task] = RULES.understand(text, rooms=rooms().world.rooms).tasks
+    assert task.goal.text() == ("on_top(mug, any_table@kitchen|dining_room)",)
+
+
 def test_an_answer_that_leads_nowhere_is_asked_again() -> None:
     asked = RULES.understand("Put the zorp in the fridge.")
     assert asked.question is not None
@@ -178,6 +192,14 @@ def test_one_slip_in_short_words_and_two_in_long_ones() -> None:
     assert speller.nearest("dishwahser") == speller.nearest("dishwaser") == ("dishwasher",)
     assert Speller(["lamp", "lamb"]).nearest("lamq") == ("lamb", "lamp")
     assert speller.nearest("tbl") == ()
+
+
+@pytest.mark.parametrize(
+    ("said", "meant"), [("hamer", "hammer"), ("egs", "eggs"), ("dumplng", "dumpling"), ("towl", "towel")]
+)
+def test_a_letter_left_out_is_the_likeliest_slip(said: str, meant: str) -> None:
+    [token] = tokens_of(said)
+    assert token.text == meant
 
 
 # --- floors ---------------------------------------------------------------------------------------------------------

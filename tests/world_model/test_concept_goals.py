@@ -11,17 +11,32 @@ from hypothesis import strategies as st
 from support.worlds import kitchen, random_house_graph
 
 from gavel_agents.classical.search import search
+from gavel_env.errors import UnknownObject
 from gavel_env.world_model import dynamics
 from gavel_env.world_model.concepts import default_concepts, is_concept
 from gavel_env.world_model.condition_text import parse_formula
 from gavel_env.world_model.dynamics import Profile
-from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate, parse_goal, parse_literal, unmet
+from gavel_env.world_model.goals import (
+    Designator,
+    Goal,
+    Literal,
+    Predicate,
+    check_goal,
+    parse_goal,
+    parse_literal,
+    unmet,
+)
 from gavel_env.world_model.graph import SceneGraph
 from gavel_env.world_model.pddl import action_of, state_facts
 from gavel_env.world_model.planning_task import planning_task
 
-THINGS = sorted(name for name in default_concepts().things if is_concept(name))
-PLACES = sorted(name for name in default_concepts().places if is_concept(name))
+THINGS = [
+    *sorted(filter(is_concept, default_concepts().things)),
+    "countertop|any_table",
+    "mug|any_glass",
+    "fridge|oven",
+]
+PLACES = [*sorted(filter(is_concept, default_concepts().places)), "kitchen|living_room", "bedroom|any_office"]
 
 
 def instances(graph: SceneGraph, designator: Designator) -> list[str]:
@@ -63,7 +78,17 @@ def _true(literal: Literal, bound: dict[Designator, str], graph: SceneGraph) -> 
 
 DESIGNATORS = st.builds(Designator, st.sampled_from(THINGS), st.one_of(st.none(), st.sampled_from(PLACES)))
 FEW = st.sampled_from(
-    ["any_table", "any_cabinet", "any_sink", "any_lamp", "any_furniture", "any_bag", "any_box", "any_fruit"]
+    [
+        "any_table",
+        "any_table|any_cabinet",
+        "any_cabinet",
+        "any_sink",
+        "any_lamp",
+        "any_furniture",
+        "any_bag",
+        "any_box",
+        "any_fruit",
+    ]
 )
 OFTEN = st.one_of(DESIGNATORS, st.builds(Designator, FEW, st.none()))
 LITERALS = st.one_of(
@@ -111,7 +136,8 @@ def test_goals_about_what_is_there_are_met(seed: int, data: st.DataObject) -> No
     relation, holder = graph.supports[obj]
     predicate = (Predicate.ON_TOP, Predicate.INSIDE)[relation]
     kinds = [sorted(graph.category(o).concepts) or [graph.category(o).name] for o in (obj, holder)]
-    subject, second = (Designator(data.draw(st.sampled_from(names))) for names in kinds)
+    said = [[*names, f"hammer|{names[0]}"] for names in kinds]
+    subject, second = (Designator(data.draw(st.sampled_from(names))) for names in said)
     assume(subject != second)  # one designator speaks of one thing
     goal = Goal((Literal(predicate, subject, second),))
     assert met_by_some_choice(goal, graph)
@@ -123,6 +149,21 @@ def test_goals_about_what_is_there_are_met(seed: int, data: st.DataObject) -> No
 def test_literals_over_concepts_are_read_as_they_are_written(literal: Literal, negated: bool) -> None:
     literal = literal._replace(negated=negated)
     assert parse_literal(str(literal)) == literal
+
+
+def test_a_goal_may_leave_the_choice_between_rooms_or_pieces() -> None:
+    graph = kitchen({"apple_0": "on breakfast_table_0"})
+    for there in ("any_table@kitchen|bathroom", "any_table@bathroom|kitchen_0", "bed|breakfast_table", "bed|any_table"):
+        goal = parse_goal([f"on_top(apple_0, {there})"])
+        assert not unmet(goal, graph), there
+    assert unmet(parse_goal(["on_top(apple_0, countertop|any_sink)"]), graph)
+    assert not unmet(parse_goal(["in_room(apple_0, bathroom|kitchen)"]), graph)
+    assert unmet(parse_goal(["in_room(apple_0, bathroom|bedroom)"]), graph)
+
+
+def test_each_room_of_a_choice_must_be_one_of_the_house() -> None:
+    with pytest.raises(UnknownObject, match="'kichen'"):
+        check_goal(parse_goal(["on_top(apple_0, any_table@kichen|kitchen)"]), kitchen())
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,7 @@ from gavel_agents.understanding.rules.places import (
 )
 from gavel_agents.understanding.rules.questions import asked_which_of
 from gavel_agents.understanding.rules.words import Kind
+from gavel_env.world_model.concepts import in_words
 from gavel_env.world_model.goals import Designator, Literal
 
 __all__ = ["Act", "Discourse", "designator_of", "said"]
@@ -340,4 +341,4 @@ def literal_of(relation: Relation, thing: Entity) -> Literal:
 
 def said(target: object) -> str:
     """Return what to call something in a reason."""
-    return target.category.removeprefix("any_").replace("_", " ") if isinstance(target, Entity) else "it"
+    return in_words(target.category) if isinstance(target, Entity) else "it"

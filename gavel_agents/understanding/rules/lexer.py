@@ -363,6 +363,10 @@ def _repair(words: Sequence[str], at: int, name: bool) -> tuple[list[str], bool]
     for candidate in (shorter, single) if shorter != word or not is_english(word) else ():
         if candidate != word and candidate in _phrases():
             return [candidate], False
+    if not name and not is_word(word):
+        doubled = {twice for i in range(len(word)) if _named(twice := word[: i + 1] + word[i:])}
+        if len(doubled) == 1:
+            return [doubled.pop()], False  # hamer, though it may be a form of ham
     if is_english(word) or len(word) < _LEAST or word.isdigit() or name:
         return None
     near = _speller().nearest(word)

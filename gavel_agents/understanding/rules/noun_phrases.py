@@ -11,6 +11,7 @@ from gavel_agents.understanding.rules.nouns import known_nouns, room_named, thin
 from gavel_agents.understanding.rules.stream import IN_ROOM, LEADS, STARTS_NOUN
 from gavel_agents.understanding.rules.words import Kind
 from gavel_env.instructions.vocabulary import default_vocabulary
+from gavel_env.world_model.concepts import any_of
 
 __all__ = ["NounPhrases"]
 
@@ -167,7 +168,7 @@ class NounPhrases(Cabinets):
         while behind > 0 and isinstance(self.frame.elements[behind], Separator) and not self.continues():
             behind -= 1  # the desk (study)
         last = self.frame.elements[behind] if behind >= 0 else None
-        if self.either():
+        if self.either(name):
             return
         if self.preposition is None:
             if isinstance(last, Entity) and not last.movable and last.room is None:
@@ -180,7 +181,7 @@ class NounPhrases(Cabinets):
             self.preposition = Token(Kind.PREPOSITION, "at", "")
         self.put(Room(name))
 
-    def either(self) -> bool:
+    def either(self, name: str) -> bool:
         """Take the second of two rooms that will both do: `a counter, kitchen or pantry`."""
         elements = self.frame.elements
         if not elements or not isinstance(elements[-1], Separator) or elements[-1].kind is not Kind.OR:
@@ -189,8 +190,8 @@ class NounPhrases(Cabinets):
             element = elements[index]
             piece = element.target if isinstance(element, Phrase) else element
             if isinstance(piece, Entity) and piece.room is not None:
-                open_ = piece._replace(room=None)
-                elements[index] = element._replace(target=open_) if isinstance(element, Phrase) else open_
+                both = piece._replace(room=any_of(piece.room, name))
+                elements[index] = element._replace(target=both) if isinstance(element, Phrase) else both
                 self.preposition = None
                 return True
         return False

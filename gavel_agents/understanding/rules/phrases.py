@@ -10,6 +10,7 @@ from gavel_agents.understanding.rules.places import process_flag
 from gavel_agents.understanding.rules.questions import asked_which, spoken
 from gavel_agents.understanding.rules.stream import SEPARATORS, STARTS_NOUN, goes
 from gavel_agents.understanding.rules.words import Kind
+from gavel_env.world_model.concepts import any_of
 
 __all__ = ["Phrases"]
 
@@ -139,9 +140,12 @@ class Phrases(NounPhrases):
             target = element.target if isinstance(element, Phrase) and not element.relative else None
             if not isinstance(element, Phrase) or not isinstance(target, Entity) or target.movable:
                 return False
-            if mark.kind is Kind.OR or target.room is None:
-                open_ = None if mark.kind is Kind.OR else room.type
-                elements[index] = element._replace(target=target._replace(room=open_))
+            if mark.kind is Kind.OR and target.room is not None:
+                elements[index] = element._replace(target=target._replace(room=any_of(target.room, room.type)))
+                return True
+            if target.room is None:
+                either = None if mark.kind is Kind.OR else room.type
+                elements[index] = element._replace(target=target._replace(room=either))
                 return True
             return False
         return False

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from gavel_agents.understanding.interface import Abstention
 from gavel_agents.understanding.rules.elements import Entity, Room
+from gavel_env.world_model.concepts import in_words
 from gavel_env.world_model.goals import Predicate
 from gavel_env.world_model.ontology import Category
 
@@ -124,5 +125,5 @@ def _checked(preposition: str, target: Entity) -> Relation:
 
 
 def _cannot_hold(target: Entity) -> Abstention:
-    words = target.category.removeprefix("any_").replace("_", " ")
+    words = in_words(target.category)
     return Abstention("cannot_hold", f"nothing can be put on or in {words!r}")

@@ -10,6 +10,7 @@ from gavel_agents.understanding.rules.elements import Entity
 from gavel_agents.understanding.rules.lexer import Token
 from gavel_agents.understanding.rules.nouns import known_nouns, words_of
 from gavel_agents.understanding.rules.words import Kind
+from gavel_env.world_model.concepts import in_words
 
 __all__ = [
     "answered",
@@ -27,7 +28,7 @@ __all__ = [
 
 def spoken(entity: Entity) -> str:
     """Return the words for a thing."""
-    return entity.category.removeprefix("any_").replace("_", " ")
+    return in_words(entity.category)
 
 
 def asked_meaning(words: str) -> Abstention:

@@ -8,6 +8,7 @@ from gavel_agents.understanding.interface import TaskUnderstanding
 from gavel_agents.understanding.rules.nouns import kinds_of
 from gavel_agents.understanding.rules.questions import asked_end, asked_instead
 from gavel_env.instructions.vocabulary import default_vocabulary
+from gavel_env.world_model.concepts import in_words
 from gavel_env.world_model.goals import Designator, Goal, Literal, Predicate
 from gavel_env.world_model.ontology import Category
 
@@ -45,7 +46,7 @@ def check_already(literals: Sequence[Literal], stated: Collection[Literal]) -> N
 
 
 def _words(designator: Designator) -> str:
-    return designator.name.removeprefix("any_").replace("_", " ")
+    return in_words(designator.name)
 
 
 _WASHED = ("laundry", "dish", "tray", "bath", "toy", "household")

@@ -29,6 +29,16 @@ def _shorter(word: str) -> Iterator[str]:
         yield word[:index] + word[index + 1 :]
 
 
+def _undoubled(word: str, known: str) -> bool:
+    """Return whether a word lacks one of two equal letters: `hamer`."""
+    return any(word[:i] + word[i - 1 :] == known for i in range(1, len(word) + 1))
+
+
+def _left_out(word: str, known: str) -> bool:
+    """Return whether a word lacks one letter: `dumplng`."""
+    return any(known[:i] + known[i + 1 :] == word for i in range(len(known)))
+
+
 class Speller:
     """Finds the known word that a misspelled one was meant to be."""
 
@@ -52,7 +62,12 @@ class Speller:
         swapped = [known for steps, known in near if sorted(known) == sorted(word)]
         if len(swapped) == 1:
             return (swapped[0],)  # letters in another order are the likeliest slip
-        return tuple(known for steps, known in near if steps == near[0][0])
+        best = [known for steps, known in near if steps == near[0][0]]
+        for slip in (_undoubled, _left_out):  # the next likeliest
+            slipped = [known for known in best if slip(word, known)]
+            if len(slipped) == 1:
+                return (slipped[0],)
+        return tuple(best)
 
     def split(self, word: str) -> tuple[str, str] | None:
         """Return the two known words that were written as one (`livingroom`), if it is not a word itself."""
