@@ -29,6 +29,7 @@ __all__ = [
     "interior",
     "mount",
     "surface",
+    "washable",
 ]
 
 # Switching these on changes their contents. bddl has transition rules for two of them; the third is the paper's own.
@@ -80,6 +81,23 @@ STANDS_KINDS = (
     "audio_system.n.01", "bin.n.01", "display.n.06", "faucet.n.01", "furniture.n.01", "hamper.n.02",
     "loudspeaker.n.01", "plumbing_fixture.n.01", "projector.n.02", "seat.n.03", "umbrella_rack.n.01",
     "white_goods.n.01",
+)  # fmt: skip
+
+# What people put into a machine to have it washed and dried, besides what is of cloth or soft.
+WASHED_KINDS = (
+    "backpack.n.01", "base.n.08", "brush.n.02", "carryall.n.01", "carving_knife.n.01", "chopping_board.n.01",
+    "cleaver.n.01", "clothing.n.01", "comb.n.01", "corkscrew.n.01", "cutlery.n.02", "footwear.n.02",
+    "french_press.n.01", "glass.n.02", "icetray.n.02", "lid.n.02", "linen.n.03", "lunch_box.n.01",
+    "measuring_cup.n.01", "parer.n.02", "pastry_cutter.n.01", "peeler.n.03", "plaything.n.01", "shaker.n.03",
+    "soap_dish.n.01", "strainer.n.01", "tableware.n.01", "tongs.n.01", "tray.n.01", "tupperware.n.01",
+    "utensil.n.01", "vessel.n.03",
+)  # fmt: skip
+
+# Of these, what is used once, or comes full.
+UNWASHED_KINDS = (
+    "aluminum_foil.n.01", "beer_bottle.n.01", "cotton.n.01", "diaper.n.01", "dixie_cup.n.01", "paper.n.01",
+    "paper_towel.n.01", "pill_bottle.n.01", "plastic_bag.n.01", "plastic_wrap.n.01", "sanitary_napkin.n.01",
+    "steel_wool.n.01", "wine_bottle.n.01",
 )  # fmt: skip
 
 STRUCTURE_KINDS = (
@@ -205,6 +223,20 @@ def graspable(synset: str, size_m: Size | None, mass_kg: float | None, where: Mo
         return longest <= LONGEST_CLOTH_M
     tool = longest <= LONGEST_TOOL_M and second <= TOOL_WIDTH_M and mass_kg <= TOOL_KG
     return longest <= LONGEST_SIDE_M or tool
+
+
+def washable(synset: str) -> str | None:
+    """Return why people have things of a kind washed and dried, or None; whether they can be carried is not asked.
+
+    Packages of a substance, which BEHAVIOR names `shampoo__bottle`, `bottle__of__milk`, are not: they hold something.
+    """
+    annotations = properties(synset).keys()
+    if "__" in synset or "toggleable" in annotations or _is_a(synset, UNWASHED_KINDS):
+        return None
+    if not annotations.isdisjoint({"cloth", "softBody"}):
+        eaten = not annotations.isdisjoint({"cookable", "diceable", "meltable", "sliceable"})
+        return None if eaten or _is_a(synset, ("food.n.01", "food.n.02")) else "cloth or soft"
+    return "kind that is washed" if _is_a(synset, WASHED_KINDS) else None
 
 
 @cache

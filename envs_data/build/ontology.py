@@ -20,7 +20,7 @@ __all__ = ["build", "build_category", "main"]
 TARGET = Path(__file__).resolve().parents[1] / "ontology.json"
 PROVENANCE = (
     f"PyPI bddl {BDDL_VERSION} (MIT): properties, category mapping, hierarchy, bounding boxes and activities; "
-    "rules of envs_data/build/affordances.py, explained in docs/data.md"
+    "rules of envs_data/build/affordances.py, explained in docs/reference/data.md"
 )
 ANNOTATED = ("openable", "toggleable", "heatSource", "coldSource", "cookable", "heatable", "freezable", "waterSource")
 REMOVES = "particleRemover"
@@ -45,6 +45,7 @@ def build_category(name: str, row: CategoryRow) -> Category:
     on_top = affordances.surface(synset, size_m, where)
     inside = affordances.interior(synset, size_m)
     graspable = affordances.graspable(synset, size_m, row.mass_kg, where)
+    washable = affordances.washable(synset) if graspable else None
     confers, confers_why = affordances.CONFERS.get(synset, ("", ""))
     toggleable = "toggleable" in annotated
     water_why = "waterSource" if "waterSource" in annotated else affordances.WATER_SOURCES.get(synset, "")
@@ -54,7 +55,7 @@ def build_category(name: str, row: CategoryRow) -> Category:
     safety_why = (heat_why or water_why or confers) if toggleable else ""
     reasons = {
         "surface": on_top, "interior": inside, confers: confers_why, "safety_critical": safety_why,
-        "graspable": "size and mass" if graspable else "",
+        "graspable": "size and mass" if graspable else "", "washable": washable,
     }  # fmt: skip
     rinses = toggleable and bool(water_why) and inside is not None
     wipes = REMOVES in annotated
@@ -77,6 +78,7 @@ def build_category(name: str, row: CategoryRow) -> Category:
         dries=confers == "dries",
         rinses=rinses,
         wipes=wipes,
+        washable=washable is not None,
         cookable="cookable" in annotated,
         heatable="heatable" in annotated,
         freezable="freezable" in annotated,

@@ -41,8 +41,8 @@ _NEEDS: Mapping[Predicate, tuple[str, Callable[[Category], bool]]] = {
     Predicate.INSIDE: ("cannot_hold", lambda holder: holder.interior),
     Predicate.TOGGLED: ("cannot_switch", lambda switched: switched.toggleable),
     Predicate.OPEN: ("cannot_open", lambda opened: opened.openable),
-    Predicate.WASHED: ("cannot_process", lambda thing: thing.liftable),  # it is put into what washes or dries it
-    Predicate.DRIED: ("cannot_process", lambda thing: thing.liftable),
+    Predicate.WASHED: ("cannot_process", lambda thing: thing.washable),
+    Predicate.DRIED: ("cannot_process", lambda thing: thing.washable),
     Predicate.COOKED: ("cannot_process", lambda food: food.cookable),
 }
 

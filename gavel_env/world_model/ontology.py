@@ -63,6 +63,8 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         washes: switching it on washes its contents.
         dries: switching it on dries its contents.
         rinses: switching it on runs water over its contents, which takes dirt off.
+        washable: people have it washed and dried (rule: docs/reference/data.md). It bounds what goals may ask for,
+            not what becomes of things that are in a machine.
         wipes: put down on something dirty, it takes the dirt off (a rag, a sponge).
         cookable: becomes cooked in or on a heat source.
         heatable: becomes hot in or on a heat source.
@@ -92,6 +94,7 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     washes: bool = False
     dries: bool = False
     rinses: bool = False
+    washable: bool = False
     wipes: bool = False
     cookable: bool = False
     heatable: bool = False
@@ -110,15 +113,6 @@ class Category(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     def liftable(self) -> bool:
         """True if the robot can pick up a loose instance, with one hand or both arms."""
         return self.graspable or self.carryable
-
-    @property
-    def washable(self) -> bool:
-        """True if people have instances washed and dried: what is carried and has no switch.
-
-        BEHAVIOR annotates neither, so this is a rule of this project. It bounds what goals may ask for, not what
-        becomes of things that are in a machine.
-        """
-        return self.liftable and not self.toggleable
 
     def is_a(self, name: str) -> bool:
         """Return whether `name` is this category or a concept that it belongs to."""

@@ -51,6 +51,7 @@ class OwnCategory(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     washes: bool | None = None
     dries: bool | None = None
     rinses: bool | None = None
+    washable: bool | None = None
     wipes: bool | None = None
     cookable: bool | None = None
     heatable: bool | None = None

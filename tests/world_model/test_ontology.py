@@ -124,6 +124,18 @@ def test_what_washes_and_dries(ontology: Ontology) -> None:
     assert "rule of the paper" in ontology["dishwasher"].source
 
 
+def test_what_is_washable_is_carried_and_is_neither_eaten_nor_paper_nor_a_package(ontology: Ontology) -> None:
+    washable = names(ontology, "washable")
+    assert washable >= {"t_shirt", "quilt", "plate", "casserole", "tray", "wok", "teddy_bear", "gym_shoe", "backpack"}
+    assert washable.isdisjoint(names(ontology, "cookable") - {"casserole"})
+    assert washable <= names(ontology, "graspable") - names(ontology, "toggleable")
+    assert not washable & {
+        "newspaper", "hardback", "butter", "armchair", "wardrobe", "paper_towel", "wrapping_paper", "bottle_of_milk",
+        "shampoo_bottle", "battery", "pillar_candle", "pot_plant", "violin", "bed", "straight_chair",
+    }  # fmt: skip
+    assert not any("__" in ontology[name].synset for name in washable)
+
+
 @pytest.mark.parametrize(
     "name", ["bookcase", "drop_in_sink", "furniture_sink", "pedestal_sink", "hamper", "trash_can", "wicker_basket"]
 )

@@ -56,7 +56,9 @@ def process_flag(entity: Entity) -> Predicate | None:
 
 def can_become(category: Category, state: Predicate) -> bool:
     """Return whether things of a category are what people would have cooked, washed or dried."""
-    return state in (Predicate.WASHED, Predicate.DRIED) or (state is Predicate.COOKED and category.cookable)
+    if state in (Predicate.WASHED, Predicate.DRIED):
+        return category.washable
+    return state is Predicate.COOKED and category.cookable
 
 
 def says_where(preposition: str) -> bool:

@@ -26,7 +26,8 @@ def check_sense(literals: Sequence[Literal]) -> None:
     """
     for literal in literals:
         subject, target = literal.subject, literal.object
-        if literal.predicate in (Predicate.WASHED, Predicate.DRIED) and not any(map(_washable, kinds_of(subject.name))):
+        washed = literal.predicate in (Predicate.WASHED, Predicate.DRIED)
+        if washed and not any(kind.washable for kind in kinds_of(subject.name)):
             raise asked_instead("cannot_process", f"the {_words(subject)} cannot be {literal.predicate.value}")
         if literal.predicate is Predicate.HOT and not any(map(_edible, kinds_of(subject.name))):
             raise asked_instead("cannot_process", f"the {_words(subject)} is nothing to warm")
@@ -47,16 +48,6 @@ def check_already(literals: Sequence[Literal], stated: Collection[Literal]) -> N
 
 def _words(designator: Designator) -> str:
     return in_words(designator.name)
-
-
-_WASHED = ("laundry", "dish", "tray", "bath", "toy", "household")
-
-
-def _washable(category: Category) -> bool:
-    """Return whether people have things of a category washed: nothing of paper or to eat either."""
-    said = default_vocabulary().movables.get(category.name)
-    fitting = said.theme in _WASHED if said is not None else not category.cookable
-    return category.washable and category.graspable and fitting
 
 
 def _edible(category: Category) -> bool:
