@@ -1,8 +1,9 @@
-"""Answers of servers are read to a size and no further; a few megabytes can unpack to any."""
+"""Answers of servers are read to a size, for a time, and no further; a few megabytes can unpack to any."""
 
 from __future__ import annotations
 
 import importlib
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,13 +19,15 @@ def bounded_client(sdk: Any, timeout_s: float) -> Any:
 
     Args:
         sdk: the SDK's module.
-        timeout_s: of one read.
+        timeout_s: of one read, and of an answer's body in all: whoever waited for it has gone by then, and its
+            connection is closed.
     """
     http: Any = importlib.import_module(sdk.DefaultHttpxClient.__mro__[1].__module__.partition(".")[0])
 
     class Bounded(http.SyncByteStream):  # type: ignore[misc]
         def __init__(self, stream: Any, most: int) -> None:
             self._stream, self._most = stream, most
+            self._until_s = time.monotonic() + timeout_s
 
         def __iter__(self) -> Iterator[bytes]:
             total = 0
@@ -32,6 +35,8 @@ def bounded_client(sdk: Any, timeout_s: float) -> Any:
                 total += len(piece)
                 if total > self._most:
                     raise http.DecodingError(f"an answer of more than {self._most} bytes")
+                if time.monotonic() > self._until_s:
+                    raise http.ReadTimeout(f"an answer that takes more than {timeout_s:g} s")
                 yield piece
 
         def close(self) -> None:

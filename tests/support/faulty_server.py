@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import json
+import socket
+import struct
 import threading
 import time
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -20,11 +24,12 @@ class Faults:
     """What the server does next, request by request, and what it was asked.
 
     Attributes:
-        script: names of faults; the last request's answer is good.
+        script: names of faults; the last request's answer is good. A message `fault: NAME` names its own.
         url: base address.
         asked: bodies of the requests.
         keys: what the requests authenticated with.
         slow_s: how long a `slow` answer takes.
+        at_once: requests that wait for each other before the first of them is answered.
     """
 
     script: list[str] = field(default_factory=list)
@@ -32,9 +37,26 @@ class Faults:
     asked: list[dict[str, Any]] = field(default_factory=list)
     keys: list[str] = field(default_factory=list)
     slow_s: float = 1.0
+    at_once: threading.Barrier = field(default_factory=lambda: threading.Barrier(1))
+    _open: int = 0
+    _changed: threading.Condition = field(default_factory=threading.Condition)
+
+    def opened(self, by: int) -> None:
+        """Note connections that were opened (by < 0: closed)."""
+        with self._changed:
+            self._open += by
+            self._changed.notify_all()
+
+    def all_closed(self, patience_s: float = 120.0) -> bool:
+        """Wait until no connection is open; patience is for what never happens."""
+        with self._changed:
+            return self._changed.wait_for(lambda: not self._open, patience_s)
 
 
 _STATUS = {"429": 429, "500": 500, "503": 503, "401": 401, "403": 403, "404": 404, "400": 400, "529": 529}
+
+
+_FLOOD = b" " * (20 << 20)
 
 
 def _good(path: str, body: dict[str, Any], ended: str) -> dict[str, Any]:
@@ -71,6 +93,18 @@ def _handler(faults: Faults) -> type[BaseHTTPRequestHandler]:
     turn = threading.Lock()
 
     class Handler(BaseHTTPRequestHandler):
+        def setup(self) -> None:
+            super().setup()
+            faults.opened(1)
+
+        def finish(self) -> None:
+            try:
+                super().finish()
+            except ConnectionError:
+                pass
+            finally:
+                faults.opened(-1)
+
         def do_POST(self) -> None:
             body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
             key = self.headers.get("Authorization", "") + self.headers.get("x-api-key", "")
@@ -78,14 +112,23 @@ def _handler(faults: Faults) -> type[BaseHTTPRequestHandler]:
                 faults.asked.append(body)
                 faults.keys.append(key)
                 fault = faults.script.pop(0) if faults.script else "good"
+            said = str(body["messages"][-1]["content"])
+            fault = said.partition("fault: ")[2] or fault
+            faults.at_once.wait()
             if fault == "slow":
                 time.sleep(faults.slow_s)
             if fault == "drip":
-                self.drip()
+                self.drip(b"HTTP/1.1 200 OK\r\nX: " + b"x" * 60)
+            elif fault == "drip on":
+                self.drip(b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\n\r\n", itertools.repeat(b" "))
+            elif fault == "hang":
+                self.hang()
+            elif fault == "reset":
+                self.reset()
             elif fault == "bomb":
                 self.reply(200, _bomb(), packed=True)
             elif fault == "flood":
-                self.reply(200, b" " * (20 << 20))
+                self.reply(200, _FLOOD)
             elif fault == "cut":
                 self.reply(200, b'{"id": "c", "choi', length=500)
             elif fault == "nonsense":
@@ -103,16 +146,27 @@ def _handler(faults: Faults) -> type[BaseHTTPRequestHandler]:
             else:
                 self.reply(200, json.dumps(_good(self.path, body, fault)).encode())
 
-        def drip(self) -> None:
-            """Send a byte now and then, always before a read would time out."""
-            try:
-                for byte in b"HTTP/1.1 200 OK\r\nX: " + b"x" * 60:
-                    self.wfile.write(bytes([byte]))
+        def drip(self, head: bytes, body: Iterable[bytes] = ()) -> None:
+            """Send a byte now and then, always before a read would time out, until the client has closed."""
+            with contextlib.suppress(ConnectionError):
+                for byte in itertools.chain((bytes([byte]) for byte in head), body):
+                    self.wfile.write(byte)
                     self.wfile.flush()
                     time.sleep(0.05)
-            except ConnectionError:
-                return
             self.close_connection = True
+
+        def hang(self) -> None:
+            """Say nothing until the client has closed."""
+            with contextlib.suppress(ConnectionError):
+                self.rfile.read(1)
+            self.close_connection = True
+
+        def reset(self) -> None:
+            """Break the connection off within the body, without the usual farewell."""
+            self.reply(200, b'{"id": "c", "choi', length=500)
+            self.wfile.flush()
+            self.connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            self.connection.close()
 
         def reply(
             self, status: int, content: bytes, *, kind: str = "application/json", length: int = 0, packed: bool = False
@@ -137,12 +191,16 @@ def _handler(faults: Faults) -> type[BaseHTTPRequestHandler]:
     return Handler
 
 
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+    request_queue_size = 128
+
+
 @contextmanager
 def faulty_server(*script: str) -> Iterator[Faults]:
     """Serve until the context ends."""
     faults = Faults(list(script))
-    server = ThreadingHTTPServer(("127.0.0.1", 0), _handler(faults))
-    server.daemon_threads = True
+    server = _Server(("127.0.0.1", 0), _handler(faults))
     faults.url = f"http://127.0.0.1:{server.server_address[1]}"
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
     thread.start()
