@@ -9,8 +9,6 @@ import multiprocessing
 import os
 import random
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,7 +16,7 @@ from pathlib import Path
 import msgspec
 import pytest
 from support.hostile import times
-from support.killed import Moment
+from support.killed import Commands, Moment
 from support.timeless import timeless, timeless_csv
 
 from eval.records.conversations import read_conversations
@@ -46,29 +44,27 @@ IN_A_ROW = times(2, 5)
 """Kills, before a run may go on to its end."""
 
 
+INSTRUCTIONS = times(2, 5)
+
+
 @pytest.fixture(scope="module")
-def five(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Five instructions."""
-    records = list(read_instructions(shipped("single")).values())[:5]
-    path = tmp_path_factory.mktemp("instructions") / "five.jsonl"
+def few(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A few instructions."""
+    records = list(read_instructions(shipped("single")).values())[:INSTRUCTIONS]
+    path = tmp_path_factory.mktemp("instructions") / "few.jsonl"
     path.write_bytes(b"".join(msgspec.json.encode(record) + b"\n" for record in records))
     return path
 
 
-def gavel(moment: Moment, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run a command that is killed at a moment; returns once all of its processes have closed their output."""
-    return subprocess.run(
-        [sys.executable, "-m", "tests.support.killed", msgspec.json.encode(moment).decode(), *arguments],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+@pytest.fixture(scope="module")
+def commands() -> Iterator[Commands]:
+    with Commands() as running:
+        yield running
 
 
-def to_its_end(*arguments: str) -> tuple[str, dict[str, int]]:
+def to_its_end(commands: Commands, *arguments: str) -> tuple[str, dict[str, int]]:
     """Run a command; return what it printed, and how many moments it had."""
-    done = gavel(Moment("event", 0), *arguments)
+    done = commands.run(Moment("event", 0), *arguments)
     assert done.returncode == 0, done.stderr
     return done.stdout, json.loads(done.stderr.splitlines()[-1])
 
@@ -95,15 +91,15 @@ def written(out: Path) -> dict[EpisodeKey, EpisodeRecord]:
     }
 
 
-def test_a_run_killed_at_any_moment_goes_on_to_the_same_table(five: Path, tmp_path: Path) -> None:
+def test_a_run_killed_at_any_moment_goes_on_to_the_same_table(few: Path, commands: Commands, tmp_path: Path) -> None:
     command = [
-        "eval", "--plugin", PLUGIN, "--agents", ",".join(AGENTS), "--planner", PLANNER, "--instructions", str(five),
+        "eval", "--plugin", PLUGIN, "--agents", ",".join(AGENTS), "--planner", PLANNER, "--instructions", str(few),
         "--format", "csv", "--quiet",
     ]  # fmt: skip
     how = (["--workers", "1"], ["--workers", "2"], ["--connections", "3"])
-    table, counted = to_its_end(*command, "--out", str(tmp_path / "whole"))
+    table, counted = to_its_end(commands, *command, "--out", str(tmp_path / "whole"))
     expected = written(tmp_path / "whole")
-    assert len(expected) == 15
+    assert len(expected) == 3 * INSTRUCTIONS
     at = moments(86, counted)
     kills = 0
     for series in itertools.count():
@@ -113,14 +109,14 @@ def test_a_run_killed_at_any_moment_goes_on_to_the_same_table(five: Path, tmp_pa
         here = [*command, *how[series % len(how)], "--out", str(out), "--resume"]
         for moment in itertools.islice(at, IN_A_ROW):
             before = written(out)
-            done = gavel(moment, *here)
+            done = commands.run(moment, *here)
             if done.returncode == 0:
                 break
             assert done.returncode == -signal.SIGKILL, (moment, done.stderr)
             kills += 1
             after = written(out)
             assert {key: after.get(key) for key in before} == before, moment
-        assert timeless_csv(to_its_end(*here)[0]) == timeless_csv(table)
+        assert timeless_csv(to_its_end(commands, *here)[0]) == timeless_csv(table)
         assert written(out) == expected
         said = read_conversations([out])
         assert not said.damaged
@@ -129,12 +125,12 @@ def test_a_run_killed_at_any_moment_goes_on_to_the_same_table(five: Path, tmp_pa
         assert all(said.get(call) for call in calls)
 
 
-def test_killed_workers_cost_the_episodes_that_they_had_begun(five: Path, tmp_path: Path) -> None:
+def test_killed_workers_cost_the_episodes_that_they_had_begun(few: Path, tmp_path: Path) -> None:
     import_plugins([PLUGIN])
     settings = EnvironmentSettings()
     contestants = choose(AGENTS, settings, planners=[PLANNER])
     seeds = range(times(1, 2))
-    plan = schedule(contestants, [read_instructions(five)], seeds, settings=settings, plugins=[PLUGIN])
+    plan = schedule(contestants, [read_instructions(few)], seeds, settings=settings, plugins=[PLUGIN])
     table = to_csv(results(read_records([run(plan, tmp_path / "whole")])))
     expected = written(tmp_path / "whole")
     drawn = random.Random(63)
@@ -171,15 +167,15 @@ def recorded(path: Path) -> dict[str, Recorded]:
     return {one.key: msgspec.structs.replace(one, seconds=0.0) for one in read_recording(path)}
 
 
-def test_a_recording_killed_at_any_moment_goes_on_to_the_same(five: Path, tmp_path: Path) -> None:
+def test_a_recording_killed_at_any_moment_goes_on_to_the_same(few: Path, commands: Commands, tmp_path: Path) -> None:
     command = [
         "record", "--planner", PLANNER, "--agents", "llm-only,gavel-full", "--seeds", "0,1,2", "--instructions",
-        str(five), "--out",
+        str(few), "--out",
     ]  # fmt: skip
     whole = tmp_path / "whole.jsonl.gz"
-    _, counted = to_its_end(*command, str(whole))
+    _, counted = to_its_end(commands, *command, str(whole))
     expected = recorded(whole)
-    assert len(expected) == 15
+    assert len(expected) == 3 * INSTRUCTIONS
     at = moments(38, counted)
     kills = 0
     for series in itertools.count():
@@ -188,13 +184,13 @@ def test_a_recording_killed_at_any_moment_goes_on_to_the_same(five: Path, tmp_pa
         path = tmp_path / f"{series}.jsonl.gz"
         for moment in itertools.islice(at, times(1, 5)):
             before = recorded(path)
-            done = gavel(moment, *command, str(path))
+            done = commands.run(moment, *command, str(path))
             if done.returncode == 0:
                 break
             assert done.returncode == -signal.SIGKILL, (moment, done.stderr)
             kills += 1
             after = recorded(path)
             assert {key: after.get(key) for key in before} == before, moment
-        to_its_end(*command, str(path))
+        to_its_end(commands, *command, str(path))
         assert recorded(path) == expected
         assert ReplayModel(str(path)).name == ReplayModel(str(whole)).name
