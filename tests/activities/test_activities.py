@@ -84,7 +84,7 @@ def test_the_initial_state_is_placed_as_the_definition_says() -> None:
     for grounding in groundings():
         task = TaskSpec("", (), (), (grounding.goal,))
         record = Instruction("x", grounding.scene, "", grounding.placements, (task,), "behavior", grounding.initial)
-        record = msgspec.structs.replace(record, tasks=(TaskSpec("", ("washed(tobacco_pipe)",), ()),))
+        record = msgspec.structs.replace(record, tasks=(TaskSpec("", ("washed(plate)",), ()),))
         graph = start_of(record)
         problem, scope = grounding.activity.problem(), grounding.scope
         covering = {fact.args[1] for fact in problem.init if fact.predicate == "covered"}
