@@ -16,8 +16,16 @@ from gavel_agents.understanding.asking import question_of, with_answers
 from gavel_agents.understanding.interface import Abstention
 from gavel_agents.understanding.learned.decode import Decision, Meant
 from gavel_agents.understanding.learned.encoder import input_of
-from gavel_agents.understanding.learned.network import Scores, mean, scores
-from gavel_agents.understanding.learned.options import groups
+from gavel_agents.understanding.learned.network import Scores, mean, rooms_in, scores
+from gavel_agents.understanding.learned.options import (
+    MOST_KINDS,
+    NO_ROOM,
+    UNNAMED_ROOMS,
+    groups,
+    kinds_for,
+    own_kinds,
+    rooms_for,
+)
 from gavel_agents.understanding.learned.pieces import Pieces
 from gavel_agents.understanding.learned.reader import LearnedReader, Reading, load_reader
 from gavel_agents.understanding.learned.spotted import pair_features, spotted
@@ -89,6 +97,38 @@ def test_things_that_are_called_thing_are_told_by_what_their_kind_can_do() -> No
 )
 def test_the_last_word_of_a_name_speaks_of_the_thing_once_it_was_named(text: str, names: list[str]) -> None:
     assert [group.name for group in groups(spotted(text, HOUSE))] == names
+
+
+@pytest.mark.parametrize(
+    ("text", "rooms"),
+    [
+        ("a table, kitchen or bedroom", ["kitchen|bedroom"] * 2),
+        ("a table in the kitchen, the bedroom or the living room", ["kitchen|bedroom|living_room"] * 3),
+        ("a table, kitchen/bedroom; the book in the bedroom", ["kitchen|bedroom", "kitchen|bedroom", "bedroom"]),
+        ("from the kitchen to the bedroom or not", ["kitchen", "bedroom"]),
+        ("the kitchen, the bedroom", ["kitchen", "bedroom"]),
+        ("in the kitchen the light or in the bedroom the lamp", ["kitchen", "bedroom"]),
+    ],
+)
+def test_rooms_of_which_either_will_do_are_one_choice(text: str, rooms: list[str]) -> None:
+    assert [m.name for m in spotted(text, HOUSE).mentions if m.room] == rooms
+
+
+def test_a_mention_may_be_a_kind_or_stand_in_a_room_that_no_word_names() -> None:
+    read = spotted("The mug on the big table in the kitchen, the bowl on the countertop.", HOUSE)
+    mug, table, kitchen, _, countertop = read.mentions
+    assert kinds_for(table)[:2] == ("", "breakfast_table")
+    assert len(kinds_for(table)) <= MOST_KINDS
+    assert own_kinds(table) == 1
+    assert kinds_for(mug) == kinds_for(kitchen) == kinds_for(countertop) == ("",)
+    assert rooms_for(read, mug) == [(NO_ROOM, None)]
+    named = [type_ for _, type_ in rooms_for(read, table)]
+    assert named == [None, "kitchen", "bedroom", "living_room"]
+    order = rooms_in(*(np.zeros((1, n), dtype=np.float32) for n in (len(read.mentions), len(UNNAMED_ROOMS), 1)))
+    for at, type_ in rooms_for(read, table):
+        order[0, at] += 1 if type_ is not None else 2  # each index is one place of what is scored
+    assert sorted(order[0].tolist()) == sorted([2.0] + [1.0] * 3 + [0.0] * (order.shape[1] - 4))
+    assert all(UNNAMED_ROOMS[-2 - at] == type_ for at, type_ in rooms_for(read, table) if at < NO_ROOM)
 
 
 def test_a_slip_in_one_word_is_not_two_words() -> None:
@@ -182,7 +222,7 @@ def test_readers_that_differ_are_believed_only_where_the_second_is_sure() -> Non
     assert [t.goal.text() for t in alike.tasks] == [("on_top(mug, any_bed)",)]
     other = _reading(text, "washed(mug)", sure=0.999)
     assert [t.goal.text() for t in combined(text, first, other).tasks] == [("washed(mug)",)]
-    assert combined(text, first, _reading(text, "washed(mug)", sure=0.5)).question is not None
+    assert combined(text, first, _reading(text, "washed(mug)", sure=0.49)).question is not None
     assert not stands(first, text)
     assert stands(first, "Put the mug on the bed.")  # every word is accounted for
     assert not stands(Decomposition((), "unparsed: hm"), "Put the mug on the bed.")
@@ -260,7 +300,7 @@ def test_a_noun_of_two_categories_is_either_of_them() -> None:
 # --- floors ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("split", "exact", "wrong"), [("dev", 0.80, 0.09), ("test", 0.75, 0.13)])
+@pytest.mark.parametrize(("split", "exact", "wrong"), [("dev", 0.86, 0.09), ("test", 0.81, 0.12)])
 def test_floors_of_the_voices(split: str, exact: float, wrong: float) -> None:
     report = evaluate(load_understanding("rules"), [s for s in read_samples("voices") if s.split == split])
     assert report.goals_exact >= exact * report.instructions

@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gavel_agents.understanding.learned.network import Scores
+from gavel_agents.understanding.learned.network import Scores, rooms_in
 from gavel_agents.understanding.learned.options import (
+    MOST_KINDS,
     STATES,
     WISHES,
     Group,
@@ -20,7 +21,7 @@ from gavel_agents.understanding.learned.options import (
     members,
     piece_of,
     places_for,
-    rooms_of,
+    rooms_for,
     wishes_for,
 )
 from gavel_agents.understanding.learned.spotted import Spotted
@@ -73,7 +74,7 @@ class Meant(NamedTuple):
 
 
 class _Probable(NamedTuple):
-    """Probabilities of one text: rooms (mentions, mentions + 1; the last: none), kinds and wishes of mentions."""
+    """Probabilities of one text: rooms (mentions, indices of rooms), kinds and wishes of mentions."""
 
     rooms: Array
     kinds: Array
@@ -87,17 +88,16 @@ def _softmax(x: Array) -> Array:
 
 def _of_mentions(read: Spotted, scored: Scores) -> _Probable:
     count = len(read.mentions)
-    rooms = np.full((count, count + 1), _NOTHING, dtype=np.float32)
-    rooms[:, -1] = scored.mentions["room_none"][:, 0]
-    kinds = np.full((count, 4), _NOTHING, dtype=np.float32)
+    said = rooms_in(scored.pairs[4], scored.mentions["unnamed_room"], scored.mentions["room_none"])
+    rooms = np.full_like(said, _NOTHING)
+    kinds = np.full((count, MOST_KINDS), _NOTHING, dtype=np.float32)
     wishes = np.full((count, len(WISHES)), _NOTHING, dtype=np.float32)
     for index, mention in enumerate(read.mentions):
         allowed = list(wishes_for(mention))
         wishes[index, allowed] = scored.mentions["wish"][index, allowed]
         kinds[index, : len(kinds_for(mention))] = scored.mentions["kind"][index, : len(kinds_for(mention))]
-        if not mention.room and not mention.movable:
-            for room in rooms_of(read):
-                rooms[index, room] = scored.pairs[4, index, room]
+        possible = [room for room, _ in rooms_for(read, mention)]
+        rooms[index, possible] = said[index, possible]
     return _Probable(_softmax(rooms), _softmax(kinds), _softmax(wishes))
 
 
@@ -188,9 +188,9 @@ def _pieces(read: Spotted, shared: _Probable, place: int) -> Mapping[Designator,
     """Return what a mention of a piece may designate, with probabilities."""
     found: dict[Designator, float] = defaultdict(float)
     mention = read.mentions[place]
-    for which, kind in enumerate(kinds_for(mention)):
-        for room in (-1,) if mention.room else (-1, *rooms_of(read)):
-            type_ = None if room < 0 else read.mentions[room].name
+    kinds = [(which, kind) for which, kind in enumerate(kinds_for(mention)) if shared.kinds[place, which] > 0.001]
+    for room, type_ in rooms_for(read, mention):
+        for which, kind in kinds:
             p = float(shared.kinds[place, which] * shared.rooms[place, room])
             if p > 0.001:
                 found[piece_of(read, mention, type_, kind)] += p

@@ -8,16 +8,20 @@ from typing import NamedTuple
 import numpy as np
 
 from gavel_agents.understanding.learned.encoder import Array, encode, input_of
+from gavel_agents.understanding.learned.options import MOST_KINDS, UNNAMED_ROOMS
 from gavel_agents.understanding.learned.pieces import Pieces
 from gavel_agents.understanding.learned.spotted import Spotted, pair_features
 
-__all__ = ["OF_MENTION", "OF_PAIR", "Network", "Scores", "mean", "scores"]
+__all__ = ["OF_MENTION", "OF_PAIR", "Network", "Scores", "mean", "rooms_in", "scores"]
 
 OF_PAIR = ("on", "in", "from_on", "from_in", "room")
 """What is scored of two mentions: the first goes on or in the second, comes from there, or stands in that room."""
-OF_MENTION = {"none": 1, "from_none": 1, "room_none": 1, "state": 3, "count": 3, "wish": 5, "kind": 4}
+OF_MENTION = {
+    "none": 1, "from_none": 1, "room_none": 1, "state": 3, "count": 3, "wish": 5, "kind": MOST_KINDS,
+    "unnamed_room": len(UNNAMED_ROOMS),
+}  # fmt: skip
 """What is scored of a mention, with how many numbers: nowhere to go, no source, no room; washed, dried, cooked; how
-many; left alone, on, off, open, shut; which kind of cabinet."""
+many; left alone, on, off, open, shut; which kind of what its word may mean; which room that no word names."""
 
 
 class Network(NamedTuple):
@@ -65,6 +69,11 @@ def scores(read: Spotted, network: Network) -> Scores:
     named = {name: heads[:, split[i] : split[i + 1]] for i, name in enumerate(OF_MENTION)}
     whole = states[0] @ weights["whole"] + weights["whole.bias"]
     return Scores(np.moveaxis(of_pairs, -1, 0), named, float(whole[0]))
+
+
+def rooms_in(named: Array, unnamed: Array, none: Array) -> Array:
+    """Return the scores of rooms in the order of their indices: mentions, `UNNAMED_ROOMS` from the end, none."""
+    return np.concatenate([named, unnamed[:, ::-1], none], axis=1)
 
 
 def mean(found: Sequence[Scores]) -> Scores:

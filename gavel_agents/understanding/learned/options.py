@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
 from gavel_agents.understanding.learned.spotted import KINDS, Mention, Spotted
 from gavel_agents.understanding.rules.nouns import kinds_of
+from gavel_env.instructions.vocabulary import default_vocabulary
 from gavel_env.world_model.concepts import default_concepts
 from gavel_env.world_model.goals import Designator, Predicate
 from gavel_env.world_model.ontology import category_of
 
 __all__ = [
+    "MOST_KINDS",
+    "NO_ROOM",
     "STATES",
+    "UNNAMED_ROOMS",
     "WISHES",
     "Group",
     "Place",
@@ -21,15 +26,30 @@ __all__ = [
     "groups",
     "kinds_for",
     "members",
+    "own_kinds",
     "piece_of",
     "places_for",
+    "rooms_for",
     "rooms_of",
+    "unnamed_rooms",
     "wishes_for",
 ]
 
 STATES = (Predicate.WASHED, Predicate.DRIED, Predicate.COOKED)
 WISHES = (None, (Predicate.TOGGLED, False), (Predicate.TOGGLED, True), (Predicate.OPEN, False), (Predicate.OPEN, True))
 """What may be wished of a piece, as predicate and whether it is negated."""
+
+
+MOST_KINDS = 8
+"""Most kinds that a mention may be told to be."""
+UNNAMED_ROOMS = (
+    "bathroom", "bedroom", "childs_room", "corridor", "dining_room", "garage", "garden", "kitchen", "living_room",
+    "private_office", "shared_office", "playroom", "storage_room", "utility_room", "television_room", "entryway",
+    "break_room", "lobby", "closet", "pantry_room", "exercise_room", "meeting_room",
+)  # fmt: skip
+"""Rooms that may be meant though no word names them: `her bed`, `by the front door`, `the dining table`."""
+NO_ROOM = -1
+"""Index of no room; the rooms of a text have those of their mentions, `UNNAMED_ROOMS` come before it: -2, -3, ..."""
 
 
 class Group(NamedTuple):
@@ -113,8 +133,23 @@ def places_for(read: Spotted, group: Group) -> list[Place]:
 
 
 def kinds_for(mention: Mention) -> tuple[str, ...]:
-    """Return the kinds that a mention may be told to be, at most four; "" is what it says by itself."""
-    return KINDS if mention.cabinet else ("", mention.wider) if mention.wider else ("",)
+    """Return the kinds that a mention may be told to be, at most `MOST_KINDS`; "" is what it says by itself."""
+    return _kinds_for(mention.name, mention.wider, mention.cabinet, mention.movable or mention.room)
+
+
+@cache
+def _kinds_for(name: str, wider: str, cabinet: bool, one: bool) -> tuple[str, ...]:
+    if one:
+        return ("",)
+    said = KINDS if cabinet else ("", wider) if wider else ("",)
+    known = default_vocabulary().furniture
+    others = (c for c in default_concepts().categories(wider or name) if c in known and c not in (name, *said))
+    return (*said, *others)[:MOST_KINDS]
+
+
+def own_kinds(mention: Mention) -> int:
+    """Return how many of the kinds of a mention its word names by itself; the others are told by what is said of it."""
+    return len(KINDS) if mention.cabinet else 1 + bool(mention.wider)
 
 
 def wishes_for(mention: Mention) -> tuple[int, ...]:
@@ -129,6 +164,20 @@ def piece_of(read: Spotted, mention: Mention, room: str | None, kind: str = "") 
     return Designator(read.named(mention, room, kind), room)
 
 
-def rooms_of(read: Spotted) -> Iterator[int]:
-    """Yield the indices of rooms."""
-    yield from (index for index, mention in enumerate(read.mentions) if mention.room)
+def rooms_for(read: Spotted, mention: Mention) -> list[tuple[int, str | None]]:
+    """Return the rooms that a piece may be said to stand in, as indices and types."""
+    if mention.room or mention.movable:
+        return [(NO_ROOM, None)]
+    return [(NO_ROOM, None), *rooms_of(read), *unnamed_rooms(read)]
+
+
+def rooms_of(read: Spotted) -> list[tuple[int, str]]:
+    """Return the rooms that a text names, as indices of mentions and types."""
+    return [(index, mention.name) for index, mention in enumerate(read.mentions) if mention.room]
+
+
+def unnamed_rooms(read: Spotted) -> list[tuple[int, str]]:
+    """Return the rooms of the house that may be meant though the text does not name them."""
+    named = {type_ for m in read.mentions if m.room for type_ in default_concepts().room_types(m.name)}
+    house = read.house or Counter[str]()
+    return [(-2 - k, r) for k, r in enumerate(UNNAMED_ROOMS) if house[r] and r not in named]

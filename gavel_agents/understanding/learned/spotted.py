@@ -7,6 +7,7 @@ what is learnt of a mug holds for every other thing.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from gavel_agents.understanding.rules.nouns import kinds_of, known_nouns, room_n
 from gavel_agents.understanding.rules.stream import CABINETS
 from gavel_agents.understanding.rules.words import Kind
 from gavel_env.instructions.vocabulary import default_vocabulary
-from gavel_env.world_model.concepts import default_concepts
+from gavel_env.world_model.concepts import any_of, default_concepts
 from gavel_env.world_model.ontology import Category
 
 __all__ = ["FEATURES", "KINDS", "PAIR_FEATURES", "Mention", "Spotted", "pair_features", "spotted", "unknown_features"]
@@ -110,6 +111,7 @@ def spotted(text: str, house: Counter[str] | None) -> Spotted:
         if mention.cabinet:
             stream.position = index + 1
             told[index] = KINDS.index(kind) if (kind := stream.kind_of_cabinet(token)) in KINDS else 0
+    mentions = _either_room(mentions, tokens)
     by_token = {m.token: m for m in mentions}
     for index, token in enumerate(tokens):
         named = by_token.get(index)
@@ -132,6 +134,35 @@ def _mention(index: int, token: Token, house: Counter[str] | None) -> Mention:
     cabinet, movable = named.name in CABINETS, Entity(name).movable
     wider = named.name if named.exact == name != named.name and not cabinet and not movable else ""
     return Mention(index, name, token.text, False, movable, cabinet, wider, named.exact if movable else "")
+
+
+_ALONGSIDE = {Kind.OR, Kind.COMMA, Kind.DETERMINER, Kind.PREPOSITION, Kind.POSSESSIVE, Kind.ADJECTIVE}
+
+
+def _either_room(mentions: Sequence[Mention], tokens: Sequence[Token]) -> list[Mention]:
+    """Return mentions with rooms of which any will do as one choice: `a sink, kitchen or bathroom`."""
+    found = list(mentions)
+    run, last = [0], None
+    for at in range(1, len(found) + 1):
+        mark = _between(tokens, found[at - 1], found[at]) if at < len(found) else None
+        if mark is not None:
+            run, last = [*run, at], mark
+            continue
+        if last is Kind.OR:
+            name = any_of(*(found[index].name for index in run))
+            for index in run:
+                found[index] = found[index]._replace(name=name)
+        run, last = [at], None
+    return found
+
+
+def _between(tokens: Sequence[Token], before: Mention, after: Mention) -> Kind | None:
+    """Return what stands between two rooms of which either will do, if nothing else does: `or`, or a comma."""
+    kinds = [token.kind for token in tokens[before.token + 1 : after.token]]
+    marks = [kind for kind in kinds if kind in (Kind.OR, Kind.COMMA)]
+    if not (before.room and after.room and marks and set(kinds) <= _ALONGSIDE):
+        return None
+    return Kind.OR if Kind.OR in marks else Kind.COMMA
 
 
 def _features(

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple, TypeVar
 
 from gavel_agents.understanding.interface import Abstention
 from gavel_agents.understanding.learned.options import (
+    NO_ROOM,
     STATES,
     WISHES,
     Group,
     groups,
     kinds_for,
     members,
+    own_kinds,
     piece_of,
     places_for,
-    rooms_of,
+    rooms_for,
 )
-from gavel_agents.understanding.learned.spotted import Spotted, spotted
+from gavel_agents.understanding.learned.spotted import Mention, Spotted, spotted
 from gavel_agents.understanding.pairs import Denotes, Extent, Sample
 from gavel_env.house.scenes import load_scene
 from gavel_env.instructions.initial_graph import instruction_graph
@@ -30,7 +32,7 @@ from gavel_env.world_model.ontology import category_of
 __all__ = ["Choice", "Example", "example_of"]
 
 Choice = tuple[int, int, int, int]
-"""Mention of a place, inside or not, index of its kind, mention of its room (-1 = none)."""
+"""Mention of a place, inside or not, index of its kind, index of its room (`options.NO_ROOM`: none)."""
 
 
 _Found = TypeVar("_Found")
@@ -131,29 +133,48 @@ def _within(found: frozenset[str], bound: Extent) -> bool:
 
 
 def _choices(house: _House, read: Spotted, group: Group, bound: Denotes, *, loose: bool = False) -> frozenset[Choice]:
-    """Return the places that a bound may mean: those that mean just it, if there are any."""
-    found: dict[Choice, bool] = {}
+    """Return the places that a bound may mean: those that mean just it by what is said, if there are any."""
+    found: dict[Choice, int] = {}
     for place, inside in places_for(read, group):
         mention = read.mentions[place]
         if mention.room:
             if "in_room" in bound.predicates and house.rooms(mention.name) & bound.object.most:
-                found[place, inside, 0, -1] = True
+                found[place, inside, 0, NO_ROOM] = 0
             continue
         if ("inside" if inside else "on_top") not in bound.predicates:
             continue
-        for which, kind in enumerate(kinds_for(mention)):
-            for room in (-1, *rooms_of(read)):
-                if mention.movable and room >= 0:
-                    continue
-                type_ = None if room < 0 else read.mentions[room].name
-                denoted = house.of(read.named(mention, type_, kind), type_)
-                if _within(denoted, bound.object) or (loose and denoted & bound.object.most):
-                    found[place, inside, which, room] = denoted == bound.object.least
-    return _exact(found)
+        for kind, room, denoted in _denoted(house, read, mention):
+            if loose and denoted & bound.object.most and kind < own_kinds(mention) and room >= NO_ROOM:
+                found[place, inside, kind, room] = 0
+            elif (rank := _rank(denoted, bound.object, mention, kind, room)) is not None:
+                found[place, inside, kind, room] = rank
+    return _first(found)
 
 
-def _exact(found: Mapping[_Found, bool]) -> frozenset[_Found]:
-    return frozenset(one for one, exact in found.items() if exact) or frozenset(found)
+def _denoted(house: _House, read: Spotted, mention: Mention) -> Iterator[tuple[int, int, frozenset[str]]]:
+    """Yield for each kind and room that may be told of a mention what it then denotes."""
+    for which, kind in enumerate(kinds_for(mention)):
+        for room, type_ in rooms_for(read, mention):
+            piece = piece_of(read, mention, type_, kind)
+            yield which, room, house.of(piece.name, piece.room)
+
+
+def _rank(denoted: frozenset[str], bound: Extent, mention: Mention, kind: int, room: int) -> int | None:
+    """Return how readily something is said in this way, 0 first, or None if it does not mean what is meant.
+
+    Just that by what is named; by a kind that no word names; more or less that by what is named; in a room that no
+    word names.
+    """
+    exact, unnamed = denoted == bound.least, room < NO_ROOM
+    told = kind >= own_kinds(mention)
+    if exact:
+        return (4 if told else 3) if unnamed else int(told)
+    return 2 if not unnamed and not told and _within(denoted, bound) else None
+
+
+def _first(found: Mapping[_Found, int]) -> frozenset[_Found]:
+    first = min(found.values(), default=0)
+    return frozenset(one for one, rank in found.items() if rank == first)
 
 
 def example_of(sample: Sample) -> Example | None:
@@ -251,16 +272,12 @@ def _fits(house: _House, group: Group, literal: Literal, bound: Denotes) -> bool
 
 
 def _pieces(house: _House, read: Spotted, bound: Denotes) -> frozenset[tuple[int, int, int]]:
-    found: dict[tuple[int, int, int], bool] = {}
+    found: dict[tuple[int, int, int], int] = {}
     for index, mention in enumerate(read.mentions):
         if (mention.movable or mention.room) and "toggled" not in bound.predicates:
             continue
-        for which, kind in enumerate(kinds_for(mention)):
-            for room in (-1,) if mention.room else (-1, *rooms_of(read)):
-                type_ = None if room < 0 else read.mentions[room].name
-                piece = piece_of(read, mention, type_, kind)
-                denoted = house.of(piece.name, piece.room)
-                if _within(denoted, bound.subject):
-                    found[index, which, room] = denoted == bound.subject.least
-    of_things = {one: exact for one, exact in found.items() if not read.mentions[one[0]].room}
-    return _exact(of_things or found)
+        for kind, room, denoted in _denoted(house, read, mention):
+            if (rank := _rank(denoted, bound.subject, mention, kind, room)) is not None:
+                found[index, kind, room] = rank
+    of_things = {one: rank for one, rank in found.items() if not read.mentions[one[0]].room}
+    return _first(of_things or found)

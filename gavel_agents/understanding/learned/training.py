@@ -14,7 +14,16 @@ from torch import Tensor, nn
 from gavel_agents.understanding.learned.encoder import Array, input_of
 from gavel_agents.understanding.learned.minilm import Encoder
 from gavel_agents.understanding.learned.network import OF_MENTION, OF_PAIR
-from gavel_agents.understanding.learned.options import WISHES, kinds_for, places_for, rooms_of, wishes_for
+from gavel_agents.understanding.learned.options import (
+    MOST_KINDS,
+    NO_ROOM,
+    UNNAMED_ROOMS,
+    WISHES,
+    kinds_for,
+    places_for,
+    rooms_for,
+    wishes_for,
+)
 from gavel_agents.understanding.learned.pieces import SIGNS, UNKNOWN, Pieces
 from gavel_agents.understanding.learned.spotted import FEATURES, PAIR_FEATURES, Spotted, pair_features
 from gavel_agents.understanding.learned.targets import Choice, Example, Wish
@@ -25,8 +34,8 @@ _NOTHING = -1e4
 _PAIR = 128
 _SEEN = 3
 """How often the examples must have what a token does, for a row of its own."""
-_RATE, _OF_HEADS = 2e-4, 10.0
-"""Learning rate of the encoder, and how many times as much the heads learn."""
+_OF_HEADS = 10.0
+"""How many times as much the heads learn as the encoder."""
 
 
 class Network(nn.Module):  # type: ignore[misc]
@@ -96,7 +105,7 @@ class Prepared:
         example = self.example
         self.given = input_of(read, pieces, values, hidden)
         self.hidden = hidden
-        self.beside = pair_features(read)
+        self.beside = pair_features(read).astype(bool)
         self.mentions = np.array([m.token for m in read.mentions], dtype=np.int64)
         count = len(read.mentions)
         self.own = np.zeros((len(example.items), count), dtype=bool)
@@ -105,11 +114,8 @@ class Prepared:
             self.own[row, list(item.group.mentions)] = True
             for place, inside in places_for(read, item.group):
                 self.places[row, place, inside] = True
-        self.rooms = np.zeros((count, count), dtype=bool)
-        for index, mention in enumerate(read.mentions):
-            if not mention.room and not mention.movable:
-                self.rooms[index, list(rooms_of(read))] = True
-        self.kinds = np.zeros((count, 4), dtype=bool)
+        self.rooms = [[room for room, _ in rooms_for(read, mention)] for mention in read.mentions]
+        self.kinds = np.zeros((count, MOST_KINDS), dtype=bool)
         self.wishes = np.zeros((count, len(WISHES)), dtype=bool)
         for index, mention in enumerate(read.mentions):
             self.kinds[index, : len(kinds_for(mention))] = True
@@ -139,9 +145,9 @@ class Batch:
         pieces, present = np.zeros((2, size, longest), dtype=np.int64)
         mentions = np.zeros((size, count), dtype=np.int64)
         beside = np.zeros((size, count, count, PAIR_FEATURES), dtype=np.float32)
-        rooms = np.zeros((size, count, count + 1), dtype=bool)
-        kinds = np.zeros((size, count, 4), dtype=bool)
-        rooms[:, :, -1] = True
+        rooms = np.zeros((size, count, count + len(UNNAMED_ROOMS) + 1), dtype=bool)
+        kinds = np.zeros((size, count, MOST_KINDS), dtype=bool)
+        rooms[:, :, NO_ROOM] = True
         wishes = np.zeros((size, count, len(WISHES)), dtype=bool)
         kinds[:, :, 0] = wishes[:, :, 0] = True
         for row, p in enumerate(prepared):
@@ -150,7 +156,8 @@ class Batch:
             pieces[row, : len(given.pieces)], present[row, : len(given.pieces)] = given.pieces, 1
             tokens[row, :n], mentions[row, :m] = 1, p.mentions
             beside[row, :m, :m] = p.beside
-            rooms[row, :m, :m] = p.rooms
+            for mention, possible in enumerate(p.rooms):
+                rooms[row, mention, possible] = True
             kinds[row, :m], wishes[row, :m] = p.kinds, p.wishes
         noise = np.random.default_rng(rng.randrange(2**32))
         pieces[(noise.random(pieces.shape) < unknown) & (pieces >= len(SIGNS))] = SIGNS.index(UNKNOWN)
@@ -160,43 +167,53 @@ class Batch:
         self.beside, self.rooms, self.kinds, self.wishes = map(torch.from_numpy, (beside, rooms, kinds, wishes))
         items = [(row, i) for row, p in enumerate(prepared) for i in range(len(p.example.items))]
         self.item_rows = torch.tensor([row for row, _ in items], dtype=torch.long)
+        said = [prepared[row].example.items[i] for row, i in items]
         self.own = torch.zeros(len(items), count, dtype=torch.bool)
         self.places = torch.zeros(len(items), count, 2, dtype=torch.bool)
-        self.to = torch.zeros(len(items), count, 2, 4, count + 1, dtype=torch.bool)
-        self.origin = torch.zeros_like(self.to)
+        self.to = _listed([item.to for item in said], rooms.shape[2], 5)
+        self.origin = _listed([item.origin for item in said], rooms.shape[2], 5)
         self.nowhere = torch.zeros(len(items), dtype=torch.bool)
         self.told = torch.zeros(len(items), dtype=torch.long)
         self.states = torch.zeros(len(items), 3)
         self.count = torch.zeros(len(items), dtype=torch.long)
         for at, (row, i) in enumerate(items):
-            p = prepared[row]
-            item = p.example.items[i]
+            p, item = prepared[row], said[at]
             m = len(p.mentions)
             self.own[at, :m] = torch.from_numpy(p.own[i])
             self.places[at, :m] = torch.from_numpy(p.places[i])
-            _mark(self.to[at], item.to)
-            _mark(self.origin[at], item.origin)
             self.nowhere[at] = not item.to
             self.told[at] = 1 if item.origin else (2 if item.told_origin else 0)
             self.states[at] = torch.tensor([float(s) for s in item.states])
             asked = bool(item.to) or any(item.states)
             self.count[at] = item.number - 1 if asked else -100
-        asked_of = [(row, w) for row, p in enumerate(prepared) for w in p.example.wishes]
-        self.wish_rows = torch.tensor([row for row, _ in asked_of], dtype=torch.long)
-        self.wish = torch.tensor([w.wish for _, w in asked_of], dtype=torch.long)
-        self.wish_of = torch.zeros(len(asked_of), count, 4, count + 1, dtype=torch.bool)
+        wished = [(row, w) for row, p in enumerate(prepared) for w in p.example.wishes]
+        self.wish_rows = torch.tensor([row for row, _ in wished], dtype=torch.long)
+        self.wish = torch.tensor([w.wish for _, w in wished], dtype=torch.long)
+        self.wish_of = _listed([w.any_of for _, w in wished], rooms.shape[2], 4)
         self.unwished = torch.zeros(size, count, dtype=torch.bool)
         for row, p in enumerate(prepared):
             self.unwished[row, : len(p.mentions)] = p.whole
-        for at, (row, w) in enumerate(asked_of):
-            for mention, kind, room in w.any_of:
-                self.wish_of[at, mention, kind, room] = True
-                self.unwished[row, mention] = False
+        for row, w in wished:
+            self.unwished[row, [mention for mention, _, _ in w.any_of]] = False
 
 
-def _mark(table: Tensor, choices: frozenset[Choice]) -> None:
-    for mention, inside, kind, room in choices:
-        table[mention, inside, kind, room] = True
+def _listed(choices: Sequence[Collection[tuple[int, ...]]], rooms: int, width: int) -> Tensor:
+    """Return choices as rows: whose they are, then their own indices, that of the room counted from the front."""
+    rows = [(at, *one[:-1], one[-1] % rooms) for at, found in enumerate(choices) for one in sorted(found)]
+    return torch.tensor(rows, dtype=torch.long).reshape(-1, width)
+
+
+def _log_of_any(logged: Tensor, of: Tensor, count: int) -> Tensor:
+    """Return the log-probability that any of its choices is made, (count,); very little of what has none.
+
+    Args:
+        logged: log-probability of each choice, (choices,).
+        of: whose choice it is, from 0, (choices,).
+        count: how many have choices.
+    """
+    most = torch.full((count,), _NOTHING).scatter_reduce(0, of, logged.detach(), "amax")
+    total = torch.zeros(count).index_add(0, of, torch.exp(logged - most[of]))
+    return torch.where(total > 0, torch.log(total.clamp(min=1e-30)) + most, most)
 
 
 def _masked(x: Tensor, mask: Tensor) -> Tensor:
@@ -205,7 +222,7 @@ def _masked(x: Tensor, mask: Tensor) -> Tensor:
 
 def loss_of(batch: Batch, pairs: Tensor, heads: Mapping[str, Tensor], whole: Tensor) -> Tensor:
     """Return the summed loss of a batch: minus the log-probability of what is meant, over all ways to say it."""
-    rooms = torch.cat([pairs[..., 4], heads["room_none"]], -1)
+    rooms = torch.cat([pairs[..., 4], heads["unnamed_room"].flip(-1), heads["room_none"]], -1)  # as `rooms_in`
     log_rooms = torch.log_softmax(_masked(rooms, batch.rooms), -1)
     log_kinds = torch.log_softmax(_masked(heads["kind"], batch.kinds), -1)
     log_wishes = torch.log_softmax(_masked(heads["wish"], batch.wishes), -1)
@@ -214,7 +231,6 @@ def loss_of(batch: Batch, pairs: Tensor, heads: Mapping[str, Tensor], whole: Ten
         rows = batch.item_rows
         own = batch.own
         share = own.float() / own.sum(1, keepdim=True).clamp(min=1)
-        kinds_rooms = log_kinds[rows][:, :, None, :, None] + log_rooms[rows][:, :, None, None, :]
         for slot, none, target, nowhere, known in (
             (0, "none", batch.to, batch.nowhere, torch.ones_like(batch.nowhere)),
             (2, "from_none", batch.origin, batch.told == 0, batch.told != 2),
@@ -223,8 +239,9 @@ def loss_of(batch: Batch, pairs: Tensor, heads: Mapping[str, Tensor], whole: Ten
             logits = _masked(logits, batch.places).flatten(1)
             nothing = (heads[none][rows, :, 0] * share).sum(1, keepdim=True)
             logged = torch.log_softmax(torch.cat([logits, nothing], 1), 1)
-            where = logged[:, :-1].view(len(rows), -1, 2)[..., None, None] + kinds_rooms
-            meant = torch.logsumexp(_masked(where, target).flatten(1), 1)
+            of, place, inside, kind, room = target.unbind(1)
+            where = logged[of, 2 * place + inside] + log_kinds[rows[of], place, kind] + log_rooms[rows[of], place, room]
+            meant = _log_of_any(where, of, len(rows))
             said = torch.where(nowhere, logged[:, -1], meant)
             loss = loss - (said * known).clamp(min=-20).sum() * (1.0 if slot == 0 else 0.3)
         states = _masked(heads["state"][rows], own[:, :, None]).amax(1)
@@ -234,9 +251,10 @@ def loss_of(batch: Batch, pairs: Tensor, heads: Mapping[str, Tensor], whole: Ten
     loss = loss - (log_wishes[..., 0] * batch.unwished).sum()
     if len(batch.wish_rows):
         rows = batch.wish_rows
-        wished = log_wishes[rows].gather(2, batch.wish[:, None, None].expand(-1, log_wishes.shape[1], 1))
-        where = wished[..., None] + log_kinds[rows][..., None] + log_rooms[rows][:, :, None, :]
-        loss = loss - torch.logsumexp(_masked(where, batch.wish_of).flatten(1), 1).clamp(min=-20).sum()
+        of, mention, kind, room = batch.wish_of.unbind(1)
+        row = rows[of]
+        where = log_wishes[row, mention, batch.wish[of]] + log_kinds[row, mention, kind] + log_rooms[row, mention, room]
+        loss = loss - _log_of_any(where, of, len(rows)).clamp(min=-20).sum()
     return loss
 
 
@@ -254,7 +272,7 @@ def joined(a: Example, b: Example) -> Example | None:
     )  # fmt: skip
 
     def moved(choices: frozenset[Choice]) -> frozenset[Choice]:
-        return frozenset((m + count, i, k, r + count if r >= 0 else -1) for m, i, k, r in choices)
+        return frozenset((m + count, i, k, r + count if r >= 0 else r) for m, i, k, r in choices)
 
     items = a.items + tuple(
         item._replace(
@@ -264,7 +282,7 @@ def joined(a: Example, b: Example) -> Example | None:
         for item in b.items
     )  # fmt: skip
     wishes = a.wishes + tuple(
-        Wish(frozenset((m + count, k, r + count if r >= 0 else -1) for m, k, r in w.any_of), w.wish) for w in b.wishes
+        Wish(frozenset((m + count, k, r + count if r >= 0 else r) for m, k, r in w.any_of), w.wish) for w in b.wishes
     )
     return Example(f"{a.id}+{b.id}", read, items, wishes, a.whole and b.whole)
 
@@ -277,7 +295,7 @@ def _one_thing(example: Example, rng: random.Random) -> list[list[int]]:
 
 def fit(
     people: Sequence[Example], templates: Sequence[Example], encoder: Encoder, pieces: Pieces,
-    values: Mapping[str, int], *, epochs: int, seed: int, start: Mapping[str, Tensor] | None = None,
+    values: Mapping[str, int], *, epochs: int, seed: int, rate: float, start: Mapping[str, Tensor] | None = None,
     dropout: float = 0.2, unknown: float = 0.05, joins: float = 0.15, hides: float = 0.08, size: int = 32,
     report: Callable[[str], None] | None = None,
 ) -> Network:  # fmt: skip
@@ -291,7 +309,8 @@ def fit(
         values: numbers of what tokens of closed classes do.
         epochs: how often people's examples are seen.
         seed: of the order, of what is joined and left out, and of the heads.
-        start: weights of an earlier run to go on from, at half the rate.
+        rate: highest learning rate of the encoder.
+        start: weights of an earlier run to go on from.
         dropout: share of states that are left out.
         unknown: share of word pieces that are left out.
         joins: how many pairs of people's texts are read as one, against their number.
@@ -304,7 +323,6 @@ def fit(
     network = Network(encoder, len(values) + 1, dropout)
     if start is not None:
         network.load_state_dict(dict(start))
-    rate = _RATE if start is None else _RATE / 2
     count = int(len(people) * (1 + joins)) + len(templates) // 4
     own, heads = list[Tensor](), list[Tensor]()
     for name, weight in network.named_parameters():

@@ -20,7 +20,7 @@ from gavel_env.errors import DataError
 
 __all__ = ["load", "save"]
 
-_FORMAT = "gavel-learned-reader/2"
+_FORMAT = "gavel-learned-reader/3"
 _SMALL = 10_000
 """Tensors with fewer numbers than this stay as they are, in half precision."""
 _BY_ROW = "word"
