@@ -21,8 +21,9 @@ from gavel_env.house.scenes import load_scene, scene_names
 from gavel_env.instructions.initial_graph import instruction_graph
 from gavel_env.instructions.record import Instruction
 from gavel_env.tasks.broken import Broken, broken_variants
+from gavel_env.tasks.drafts import Split
 from gavel_env.tasks.pairs import generate_pairs
-from gavel_env.tasks.recipes import multi_benchmark, single_benchmark
+from gavel_env.tasks.recipes import multi_benchmark, scene_as_drawn, single_benchmark
 
 __all__ = ["build", "main"]
 
@@ -51,6 +52,10 @@ def _packed(content: bytes) -> bytes:
     return gzip.compress(content, compresslevel=9, mtime=0)
 
 
+def _pairs(split: Split, count: int) -> bytes:
+    return _lines(generate_pairs(split, count, scene_names(), load=scene_as_drawn))
+
+
 def _multi() -> dict[str, bytes]:
     from eval.studies.orders import Orders  # the only build that runs agents; nothing that ships depends on it
 
@@ -60,8 +65,8 @@ def _multi() -> dict[str, bytes]:
 _BUILDERS: Mapping[str, Callable[[], dict[str, bytes]]] = {
     "single": lambda: _benchmark("single", single_benchmark()),
     "multi": _multi,
-    "validation": lambda: {"pairs/validation.jsonl": _lines(generate_pairs("validation", VALIDATION, scene_names()))},
-    "train": lambda: {"pairs/train.jsonl.gz": _packed(_lines(generate_pairs("train", TRAIN, scene_names())))},
+    "validation": lambda: {"pairs/validation.jsonl": _pairs("validation", VALIDATION)},
+    "train": lambda: {"pairs/train.jsonl.gz": _packed(_pairs("train", TRAIN))},
 }
 
 

@@ -89,7 +89,19 @@ def furnish(space: Callable[[bool], RoomSpace], pieces: Sequence[Piece], tight: 
             first = sorted({p.key for p in layout.left}) + [k for k in first if k not in {p.key for p in layout.left}]
     assert best is not None
     last = [_attempt(space(tight), pieces, order, False, []) for order in rules().last_orders if best.left]
-    return min([best, *last], key=_loss)
+    best = min([best, *last], key=_loss)
+    _add_left(best)
+    return best
+
+
+def _add_left(layout: RoomLayout) -> None:
+    """Put down what is left of a full room, beside a bathtub or table that can still be reached from another side.
+
+    What stands is not moved.
+    """
+    layout.reach_any_side()
+    left, layout.left = layout.left, []
+    layout.left += [piece for piece in left if not PLACERS[piece.role](layout, piece)]
 
 
 def _loss(layout: RoomLayout) -> tuple[int, float]:

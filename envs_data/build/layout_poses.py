@@ -61,7 +61,12 @@ class Poses(NamedTuple):
 
 
 class RoomLayout:
-    """The pieces put into one room so far; `astray` counts those that belong at a wall and stand free."""
+    """The pieces put into one room so far.
+
+    Attributes:
+        astray: how many belong at a wall and stand free.
+        any_side: whether a piece that may turn a side to the wall is reached from any side, not from its front alone.
+    """
 
     def __init__(self, space: RoomSpace) -> None:
         self.space = space
@@ -70,6 +75,7 @@ class RoomLayout:
         self.rects: list[Rect] = []
         self.left: list[Piece] = []
         self.astray = 0
+        self.any_side = False
         self.chairs_at: dict[int, int] = {}
 
     def indices(self, *roles: str) -> list[int]:
@@ -93,6 +99,8 @@ class RoomLayout:
             allow: footprints it may overlap.
             soft: whether to spare the floor in front of earlier pieces.
         """
+        if self.any_side and piece.category in rules().spin:
+            access = "any"
         fits = self.space.fits(poses.rects, allow, soft) & np.isfinite(score)
         index = np.flatnonzero(fits)
         if not len(index):
@@ -109,17 +117,23 @@ class RoomLayout:
             rect = _rect(poses.rects[i])
             yaw = int(poses.yaw[i])
             front = grown(rect, TABLE_APRON_M) if piece.role == "table" else front_of(rect, yaw, 0.55)
-            reach = (
-                front_of(rect, yaw, FRONT_ACCESS_M, side_m=0.15)
-                if access == "front"
-                else grown(rect, ACCESS_M + 0.2 * self.space.tight)
-            )
+            reach = front_of(rect, yaw, FRONT_ACCESS_M, side_m=0.15) if access == "front" else self._around(rect)
             if self.space.add(rect, reach, front if access == "front" or piece.role == "table" else None):
                 self.placed.append(Placed(piece, round(float(poses.x[i]), 3), round(float(poses.y[i]), 3), yaw))
                 self.rects.append(rect)
                 self.astray += piece.role in WALL_ROLES and float(poses.back[i]) < 0.6
                 return True
         return False
+
+    def reach_any_side(self) -> None:
+        """From now on reach the pieces that may turn a side to the wall from any side."""
+        self.any_side = True
+        for p, rect in zip(self.placed, self.rects, strict=True):
+            if p.piece.category in rules().spin:
+                self.space.reach(rect, self._around(rect))
+
+    def _around(self, rect: Rect) -> Rect:
+        return grown(rect, ACCESS_M + 0.2 * self.space.tight)
 
 
 def _rect(row: Floats) -> Rect:

@@ -233,6 +233,11 @@ class RoomSpace:
             self.fronts.append(front)
         return True
 
+    def reach(self, rect: Rect, access: Rect) -> None:
+        """Let a footprint that was put down be reached from elsewhere than was asked then."""
+        if rect in self.rects:
+            self._accesses[self.rects.index(rect)] = self._slices(access)
+
     def reachable(self, rect: Rect, reach_m: float) -> bool:
         """Return whether the robot can stand within reach of a footprint, in this room and not behind a wall."""
         x0, y0, x1, y1 = rect

@@ -8,7 +8,7 @@ errand means; nothing is executed, so a pair needs no placements and no plan.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from gavel_env.data import convert, read_bytes, read_lines
 from gavel_env.errors import InstructionError
-from gavel_env.house.scenes import load_scene
+from gavel_env.house.scenes import Scene, load_scene
 from gavel_env.tasks.assembly import target_of
 from gavel_env.tasks.drafts import Draft, Split
 from gavel_env.tasks.generator import LONG_SHAPES, SHORT_SHAPES, draw_errands
@@ -61,13 +61,22 @@ class PairSet(NamedTuple):
     stamp: str
 
 
-def generate_pairs(split: Split, count: int, scenes: Sequence[str], seed: int = 2026) -> Iterator[Pair]:
+def generate_pairs(
+    split: Split, count: int, scenes: Sequence[str], seed: int = 2026, load: Callable[[str], Scene] = load_scene
+) -> Iterator[Pair]:
     """Yield pairs of a split, scenes in turn, no text twice.
+
+    Args:
+        split: whose templates and object pairs.
+        count: how many.
+        scenes: names of the scenes.
+        seed: of all randomness.
+        load: what gives a scene by its name.
 
     Raises:
         InstructionError: the scenes do not afford that many different texts.
     """
-    houses = [House(load_scene(name)) for name in scenes]
+    houses = [House(load(name)) for name in scenes]
     texts: set[str] = set()
     number = 0
     for attempt in range(count * 20):

@@ -18,7 +18,7 @@ from gavel_env.world_model.ontology import default_ontology
 SCENES = scene_names()
 MEASURED = tuple(name for name in SCENES if load_scene(name).outline == "measured")
 BENCHMARK = BENCHMARK_HOUSES
-REBUILT = ("Rs_int", "Benevolence_2_int", "hotel_suite_small")
+REBUILT = ("Rs_int", "Benevolence_2_int", "Pomaria_0_int", "hotel_suite_small")
 
 
 def _moved(scene: Scene, piece: str, x: float, y: float) -> Scene:

@@ -19,9 +19,6 @@ LEFT_OUT = {
     ("Benevolence_2_int", "bedroom_0", "swivel_chair", NO_PLACE): 1,
     ("Ihlen_0_int", "storage_room_1", "countertop", NO_PLACE): 1,
     ("Ihlen_1_int", "bathroom_0", "shower_stall", NO_PLACE): 1,
-    ("Merom_0_garden", "bathroom_0", "toilet", NO_PLACE): 1,
-    ("Pomaria_0_garden", "bathroom_0", "furniture_sink", NO_PLACE): 1,
-    ("Pomaria_0_int", "bathroom_0", "furniture_sink", NO_PLACE): 1,
     ("Wainscott_1_int", "private_office_0", "breakfast_table", NO_FLOOR): 1,
     ("Wainscott_1_int", "private_office_0", "carpet", NO_FLOOR): 1,
     ("Wainscott_1_int", "private_office_0", "straight_chair", NO_FLOOR): 1,
@@ -42,7 +39,7 @@ ABILITIES = {
 }  # fmt: skip
 
 
-def test_twelve_of_36164_pieces_have_no_place_and_say_why() -> None:
+def test_nine_of_36164_pieces_have_no_place_and_say_why() -> None:
     told: Counter[str] = Counter()
     left: Counter[tuple[str, str, str, str]] = Counter()
     for name in scene_names():
@@ -54,7 +51,7 @@ def test_twelve_of_36164_pieces_have_no_place_and_say_why() -> None:
             else:
                 told["building"] += missing.count
     assert left == LEFT_OUT
-    assert told == {"furniture": 11_073, "items": 23_204, "building": 1_875}
+    assert told == {"furniture": 11_076, "items": 23_204, "building": 1_875}
     assert told.total() + left.total() == 36_164
 
 
