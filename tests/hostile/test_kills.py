@@ -12,6 +12,7 @@ import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 import pytest
@@ -62,9 +63,11 @@ def commands() -> Iterator[Commands]:
         yield running
 
 
-def to_its_end(commands: Commands, *arguments: str) -> tuple[str, dict[str, int]]:
-    """Run a command; return what it printed, and how many moments it had."""
-    done = commands.run(Moment("event", 0), *arguments)
+def to_its_end(
+    commands: Commands, *arguments: str, at: Literal["event", "write"] = "write"
+) -> tuple[str, dict[str, int]]:
+    """Run a command; return what it printed, and how many moments it had (events only if asked for)."""
+    done = commands.run(Moment(at, 0), *arguments)
     assert done.returncode == 0, done.stderr
     return done.stdout, json.loads(done.stderr.splitlines()[-1])
 
@@ -97,7 +100,7 @@ def test_a_run_killed_at_any_moment_goes_on_to_the_same_table(few: Path, command
         "--format", "csv", "--quiet",
     ]  # fmt: skip
     how = (["--workers", "1"], ["--workers", "2"], ["--connections", "3"])
-    table, counted = to_its_end(commands, *command, "--out", str(tmp_path / "whole"))
+    table, counted = to_its_end(commands, *command, "--out", str(tmp_path / "whole"), at="event")
     expected = written(tmp_path / "whole")
     assert len(expected) == 3 * INSTRUCTIONS
     at = moments(86, counted)
@@ -173,7 +176,7 @@ def test_a_recording_killed_at_any_moment_goes_on_to_the_same(few: Path, command
         str(few), "--out",
     ]  # fmt: skip
     whole = tmp_path / "whole.jsonl.gz"
-    _, counted = to_its_end(commands, *command, str(whole))
+    _, counted = to_its_end(commands, *command, str(whole), at="event")
     expected = recorded(whole)
     assert len(expected) == 3 * INSTRUCTIONS
     at = moments(38, counted)

@@ -4,7 +4,8 @@
     python -m tests.support.killed '{"at": "write", "number": 7, "part": 0.4}' eval --agents …
 
 Counting begins when the first file is opened that is appended to (records, recordings): events are calls and returns
-of functions, Python's and C's, in all threads; writes are those to regular files, of which only a part gets there.
+of functions, Python's and C's, in all threads (that takes time, and is left out for a moment of writing); writes are
+those to regular files, of which only a part gets there.
 A command that ends before its moment says how much it has counted, as a JSON object on the last line of stderr.
 
 `Commands` runs many of them, each in a fork of one process that has imported everything.
@@ -61,7 +62,7 @@ class _Counting:
     def __init__(self, moment: Moment) -> None:
         self._last = {"event": 0, "write": 0, moment.at: moment.number}
         self._part = moment.part
-        self._begun = False
+        self._begun, self._events_too = False, moment.at == "event"
         self._events, self._writes = itertools.count(1), itertools.count(1)
         self.counted = {"event": 0, "write": 0}
         self._open, self._write = AppendedFile.__init__, os.write
@@ -75,7 +76,7 @@ class _Counting:
         os.write = self._written
 
     def _begin(self) -> None:
-        if not self._begun:
+        if not self._begun and self._events_too:
             self._begun = True
             threading.setprofile(self._happened)
             sys.setprofile(self._happened)
