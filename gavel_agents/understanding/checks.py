@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple
 
 from gavel_agents.understanding.interface import Abstention
-from gavel_env.world_model.concepts import default_concepts
+from gavel_env.world_model.concepts import default_concepts, in_words
 from gavel_env.world_model.goals import Designator, Literal, Predicate
 from gavel_env.world_model.ontology import Category, category_of, default_ontology
 
@@ -36,20 +37,28 @@ def check_possible(literals: Iterable[Literal], verb: str) -> None:
             raise Abstention("contradiction", f"{subject} {verb} in or on itself")
 
 
-_NEEDS: Mapping[Predicate, tuple[str, Callable[[Category], bool]]] = {
-    Predicate.ON_TOP: ("cannot_hold", lambda holder: holder.surface),
-    Predicate.INSIDE: ("cannot_hold", lambda holder: holder.interior),
-    Predicate.TOGGLED: ("cannot_switch", lambda switched: switched.toggleable),
-    Predicate.OPEN: ("cannot_open", lambda opened: opened.openable),
-    Predicate.WASHED: ("cannot_process", lambda thing: thing.washable),
-    Predicate.DRIED: ("cannot_process", lambda thing: thing.washable),
-    Predicate.COOKED: ("cannot_process", lambda food: food.cookable),
+class _Need(NamedTuple):
+    """What a state or relation takes: the reason of a refusal, what has it, and what to say of what has not."""
+
+    reason: str
+    able: Callable[[Category], bool]
+    why: str
+
+
+_NEEDS: Mapping[Predicate, _Need] = {
+    Predicate.ON_TOP: _Need("cannot_hold", lambda holder: holder.surface, "nothing can be put on the {}"),
+    Predicate.INSIDE: _Need("cannot_hold", lambda holder: holder.interior, "nothing can be put in the {}"),
+    Predicate.TOGGLED: _Need("cannot_switch", lambda piece: piece.toggleable, "the {} cannot be switched on or off"),
+    Predicate.OPEN: _Need("cannot_open", lambda piece: piece.openable, "the {} cannot be opened or shut"),
+    Predicate.WASHED: _Need("cannot_process", lambda thing: thing.washable, "the {} cannot be washed"),
+    Predicate.DRIED: _Need("cannot_process", lambda thing: thing.washable, "the {} cannot be dried"),
+    Predicate.COOKED: _Need("cannot_process", lambda food: food.cookable, "the {} cannot be heated"),
 }
 
 
 def can_be(state: Predicate, category: Category) -> bool:
     """Return whether things of a category can be in a state, as far as it takes something that not all have."""
-    return state not in _NEEDS or _NEEDS[state][1](category)
+    return state not in _NEEDS or _NEEDS[state].able(category)
 
 
 def check_capable(literals: Iterable[Literal]) -> None:
@@ -60,12 +69,15 @@ def check_capable(literals: Iterable[Literal]) -> None:
     """
     for literal in literals:
         if literal.predicate in _NEEDS:
-            reason, able = _NEEDS[literal.predicate]
-            thing = literal.object or literal.subject
-            if not any(map(able, _kinds(thing))):
-                raise Abstention(reason, f"{thing} in {literal}")
+            need, thing = _NEEDS[literal.predicate], literal.object or literal.subject
+            if not any(map(need.able, _kinds(thing))):
+                raise Abstention(need.reason, need.why.format(_words(thing)))
         if literal.object is not None and not any(kind.liftable for kind in _kinds(literal.subject)):
-            raise Abstention("cannot_move", f"{literal.subject} in {literal}")
+            raise Abstention("cannot_move", f"the {_words(literal.subject)} cannot be carried")
+
+
+def _words(designator: Designator) -> str:
+    return in_words(category_of(designator.name))
 
 
 def _kinds(designator: Designator) -> list[Category]:

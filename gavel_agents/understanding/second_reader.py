@@ -33,6 +33,8 @@ _SHORT = 16
 """Words and marks of a text of which the rules can be sure that it asks for what cannot be."""
 _SAYS_MORE = (Kind.UNKNOWN, Kind.ASIDE)
 """Words that the rules pass over without knowing what they say."""
+_LEADS_ON = (Kind.AND, Kind.OR, Kind.COMMA, Kind.THEN, Kind.ALSO, Kind.DETERMINER, Kind.POSSESSIVE, Kind.ADJECTIVE)
+"""Kinds of words and marks that belong to what follows them."""
 _HOLD = (Predicate.ON_TOP, Predicate.INSIDE)
 
 
@@ -180,5 +182,8 @@ def _words(
     starts = sorted(tokens[mentions[min(i for i, _ in p)].token].start for p in parts)
     own = tokens[mentions[min(i for i, _ in part)].token].start
     following = next((s for s in starts if s > own), len(text))
-    words = text[own:following].strip(" ,;:\n")
+    said = [token for token in tokens if own <= token.start < following]
+    while len(said) > 1 and said[-1].kind in _LEADS_ON:
+        said.pop()
+    words = text[own : said[-1].end].strip(" ,;:\n")
     return words[:1].upper() + words[1:] + ("" if words.endswith((".", "!", "?")) else ".")

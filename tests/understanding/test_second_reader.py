@@ -197,6 +197,15 @@ def test_a_thing_for_which_nothing_is_asked_is_said_to_be_passed_over() -> None:
     assert [t.goal.text() for t in got.tasks] == [("on_top(mug, bed)", "on_top(bowl, bed)")]
 
 
+def test_the_words_of_a_task_end_where_the_next_one_begins() -> None:
+    text = "Mug into the sink pls, and my bowl on the bed."
+    mug, bowl = (i for i, m in enumerate(spotted(text, HOUSE).mentions) if m.movable)
+    goals = ((mug, parse_literal("inside(mug, any_sink)")), (bowl, parse_literal("on_top(bowl, bed)")))
+    got = taken(text, Reading(spotted(text, HOUSE), Meant(goals, (), (Decision(0, (), 1.0),))))
+    assert got is not None
+    assert [task.text for task in got.tasks] == ["Mug into the sink pls.", "Bowl on the bed."]
+
+
 def test_what_cannot_be_is_not_taken() -> None:
     text = "Put the mug in the book."
     assert taken(text, _reading(text, "inside(mug, hardback)", sure=1.0)) is None
