@@ -95,10 +95,10 @@ class Designator(NamedTuple):
         """Read `name` or `name@room`.
 
         Raises:
-            MalformedGoal: empty name or room.
+            MalformedGoal: empty name or room, also of one of several.
         """
         name, at, room = normalise_name(text).partition("@")
-        if not name or (at and not room):
+        if not all(name.split(OR)) or (at and not all(room.split(OR))):
             raise MalformedGoal(f"designator {text!r} needs the form name or name@room")
         return cls(name, room or None)
 

@@ -136,7 +136,7 @@ class World(msgspec.Struct, frozen=True):
     def instances(self, name: str) -> tuple[str, ...]:
         """Return the objects of a category, of a concept (`any_cabinet`) or of several (`desk|bed`), in order."""
         if OR in name:
-            found = {instance for part in name.split(OR) for instance in self.instances(part)}
+            found = {node for part in name.split(OR) for node in (part, *self.instances(part))}
             return tuple(node for node in self.nodes if node in found)
         if is_concept(name):
             return tuple(node.id for node in self.nodes.values() if name in node.category.concepts)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from support.worlds import kitchen, random_house_graph
 
 from gavel_agents.classical.search import search
-from gavel_env.errors import UnknownObject
+from gavel_env.errors import MalformedGoal, UnknownObject
 from gavel_env.world_model import dynamics
 from gavel_env.world_model.concepts import default_concepts, is_concept
 from gavel_env.world_model.condition_text import parse_formula
@@ -153,12 +153,24 @@ def test_literals_over_concepts_are_read_as_they_are_written(literal: Literal, n
 
 def test_a_goal_may_leave_the_choice_between_rooms_or_pieces() -> None:
     graph = kitchen({"apple_0": "on breakfast_table_0"})
-    for there in ("any_table@kitchen|bathroom", "any_table@bathroom|kitchen_0", "bed|breakfast_table", "bed|any_table"):
+    for there in (
+        "any_table@kitchen|bathroom",
+        "any_table@bathroom|kitchen_0",
+        "bed|breakfast_table",
+        "bed|any_table",
+        "bed|breakfast_table_0",
+    ):
         goal = parse_goal([f"on_top(apple_0, {there})"])
         assert not unmet(goal, graph), there
     assert unmet(parse_goal(["on_top(apple_0, countertop|any_sink)"]), graph)
     assert not unmet(parse_goal(["in_room(apple_0, bathroom|kitchen)"]), graph)
     assert unmet(parse_goal(["in_room(apple_0, bathroom|bedroom)"]), graph)
+
+
+@pytest.mark.parametrize("name", ["desk|", "|desk", "desk||bed", "desk@|kitchen", "desk@kitchen|", "|"])
+def test_a_choice_has_a_name_on_each_side(name: str) -> None:
+    with pytest.raises(MalformedGoal, match="needs the form"):
+        parse_goal([f"on_top(apple_0, {name})"])
 
 
 def test_each_room_of_a_choice_must_be_one_of_the_house() -> None:
