@@ -217,7 +217,9 @@ class _Stager:
         use = "surface" if relation == "on" else "interior"
         holders = [h for h in fitting(graph, where.object) if getattr(graph.category(h), use)]
         if not holders:
-            raise NotInHouse(f"{self._house.scene.scene} has no {_words(where.object.name)} to put anything {relation}")
+            raise NotInHouse(
+                f"{self._house.scene.scene} has no {in_words(where.object.name)} to put anything {relation}"
+            )
         reachable = {piece.id for piece in self._house.pieces}
         holders = [h for h in holders if h in reachable] or holders
         return Spot(relation, pick(self._rng, [h for h in holders if self._fits(category, relation, h)] or holders))
@@ -274,15 +276,11 @@ class _Stager:
         house = self._house.scene.scene
         rooms = self._house.graph.world.rooms
         if designator.room is not None and not any(room.fits(designator.room) for room in rooms.values()):
-            return f"{house} has no {_words(designator.room)}; rooms: {', '.join(rooms)}"
-        within = "" if designator.room is None else f" in a {_words(designator.room)}"
+            return f"{house} has no {in_words(designator.room)}; rooms: {', '.join(rooms)}"
+        within = "" if designator.room is None else f" in a {in_words(designator.room)}"
         others = [h for h in BENCHMARK_HOUSES if h != house and fitting(scene_graph(load_scene(h)), designator)]
         hint = f"houses that have one: {', '.join(others[:4])}" if others else "nor has any benchmark house"
-        return f"{house} has no {_words(designator.name)}{within}; {hint}"
-
-
-def _words(name: str) -> str:
-    return in_words(name)
+        return f"{house} has no {in_words(designator.name)}{within}; {hint}"
 
 
 def _spoken_of(task: TaskUnderstanding) -> Iterator[Designator]:

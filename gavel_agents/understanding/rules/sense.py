@@ -26,9 +26,6 @@ def check_sense(literals: Sequence[Literal]) -> None:
     """
     for literal in literals:
         subject, target = literal.subject, literal.object
-        washed = literal.predicate in (Predicate.WASHED, Predicate.DRIED)
-        if washed and not any(kind.washable for kind in kinds_of(subject.name)):
-            raise asked_instead("cannot_process", f"the {_words(subject)} cannot be {literal.predicate.value}")
         if literal.predicate is Predicate.HOT and not any(map(_edible, kinds_of(subject.name))):
             raise asked_instead("cannot_process", f"the {_words(subject)} is nothing to warm")
         if target is not None and literal.predicate is Predicate.INSIDE and not _fits(subject, target):
