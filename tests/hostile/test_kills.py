@@ -10,9 +10,10 @@ import os
 import random
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import msgspec
 import pytest
@@ -46,6 +47,8 @@ IN_A_ROW = times(2, 5)
 
 
 INSTRUCTIONS = times(2, 5)
+
+T = TypeVar("T")
 
 
 @pytest.fixture(scope="module")
@@ -94,6 +97,23 @@ def written(out: Path) -> dict[EpisodeKey, EpisodeRecord]:
     }
 
 
+def kill(
+    commands: Commands, command: Sequence[str], at: Iterable[Moment], read: Callable[[], Mapping[T, object]]
+) -> int:
+    """Kill a command at each moment, until it comes to its end; return how often. What was read stays to be read."""
+    kills = 0
+    for moment in at:
+        before = read()
+        done = commands.run(moment, *command)
+        if done.returncode == 0:
+            break
+        assert done.returncode == -signal.SIGKILL, (moment, done.stderr)
+        kills += 1
+        after = read()
+        assert {key: after.get(key) for key in before} == before, moment
+    return kills
+
+
 def test_a_run_killed_at_any_moment_goes_on_to_the_same_table(few: Path, commands: Commands, tmp_path: Path) -> None:
     command = [
         "eval", "--plugin", PLUGIN, "--agents", ",".join(AGENTS), "--planner", PLANNER, "--instructions", str(few),
@@ -110,15 +130,7 @@ def test_a_run_killed_at_any_moment_goes_on_to_the_same_table(few: Path, command
             break
         out = tmp_path / str(series)
         here = [*command, *how[series % len(how)], "--out", str(out), "--resume"]
-        for moment in itertools.islice(at, IN_A_ROW):
-            before = written(out)
-            done = commands.run(moment, *here)
-            if done.returncode == 0:
-                break
-            assert done.returncode == -signal.SIGKILL, (moment, done.stderr)
-            kills += 1
-            after = written(out)
-            assert {key: after.get(key) for key in before} == before, moment
+        kills += kill(commands, here, itertools.islice(at, IN_A_ROW), partial(written, out))
         assert timeless_csv(to_its_end(commands, *here)[0]) == timeless_csv(table)
         assert written(out) == expected
         said = read_conversations([out])
@@ -139,7 +151,7 @@ def test_killed_workers_cost_the_episodes_that_they_had_begun(few: Path, tmp_pat
     drawn = random.Random(63)
     kills = 0
 
-    def kill(_: EpisodeRecord) -> None:
+    def kill_one(_: EpisodeRecord) -> None:
         nonlocal kills
         workers = sorted(multiprocessing.active_children(), key=lambda worker: worker.pid or 0)
         if workers and kills < times(1, 63) and drawn.random() < 0.3:
@@ -153,7 +165,7 @@ def test_killed_workers_cost_the_episodes_that_they_had_begun(few: Path, tmp_pat
         out, before = tmp_path / str(series), kills
         while written(out).keys() != expected.keys():
             with contextlib.suppress(WorkerFailed):  # three of them in a row while they started
-                run(plan, out, existing="resume", workers=2, connections=(2, 6)[series % 2], report=kill)
+                run(plan, out, existing="resume", workers=2, connections=(2, 6)[series % 2], report=kill_one)
         found = written(out)
         died = {key for key, record in found.items() if record.failure == "error:worker_died"}
         assert len(died) <= kills - before
@@ -185,15 +197,8 @@ def test_a_recording_killed_at_any_moment_goes_on_to_the_same(few: Path, command
         if kills >= times(1, 38):
             break
         path = tmp_path / f"{series}.jsonl.gz"
-        for moment in itertools.islice(at, times(1, 5)):
-            before = recorded(path)
-            done = commands.run(moment, *command, str(path))
-            if done.returncode == 0:
-                break
-            assert done.returncode == -signal.SIGKILL, (moment, done.stderr)
-            kills += 1
-            after = recorded(path)
-            assert {key: after.get(key) for key in before} == before, moment
-        to_its_end(commands, *command, str(path))
+        here = [*command, str(path)]
+        kills += kill(commands, here, itertools.islice(at, times(1, 5)), partial(recorded, path))
+        to_its_end(commands, *here)
         assert recorded(path) == expected
         assert ReplayModel(str(path)).name == ReplayModel(str(whole)).name
